@@ -5,9 +5,9 @@ Each has the bits that it would have alone: what numpy does to a stack, it does 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -121,21 +121,18 @@ def _sizes(model: FaultModel | None) -> tuple[Size, ...]:
 
 
 @lru_cache(maxsize=64)
-def _work(count: int) -> tuple[int, int]:
-    """Sizes of the arrays that ``_least`` works in."""
-    from scipy.linalg.lapack import dgelsd_lwork
+def _solver(count: int) -> Callable[[Array, Array], tuple[Array, Array, int, int]]:
+    """Least squares of so many unknowns by what ``numpy.linalg.lstsq`` calls, in half its time."""
+    from scipy.linalg.lapack import dgelsd, dgelsd_lwork  # takes a tenth of a second
 
     work, integers, _ = dgelsd_lwork(count, count, 1, RANK)
-    return int(work), int(integers)
+    return partial(dgelsd, lwork=int(work), size_iwork=int(integers), cond=RANK)
 
 
 def _least(A: Array, b: Array) -> Array:
-    """Least squares by the routine that ``numpy.linalg.lstsq`` calls, in half its time."""
-    from scipy.linalg.lapack import dgelsd
-
     if not len(b):
         return b
-    x, _, _, failed = dgelsd(A, b, *_work(len(b)), RANK)
+    x, _, _, failed = _solver(len(b))(A, b)
     if failed:
         raise np.linalg.LinAlgError("no singular values of the normal equations")
     return np.asarray(x).reshape(len(b))

@@ -48,11 +48,11 @@ def fitted(
         systems = [stack.systems(weight, unit) for stack in stacks]
     moved = {term.residual for model in models for term in model.terms}
     counts = sums.samples / spacing * [name in moved for name in sums.residuals]
-    independent = max(float(counts.sum()), 2.0)
+    log_independent = float(np.log(max(float(counts.sum()), 2.0)))
     square = float(weight @ sums.square)
     nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
     means = sums.means.copy()  # as they are now: a fit is asked for details later
-    fitting = _Fitting(sums, spacing, weight, unit, nominal, independent, means)
+    fitting = _Fitting(sums, spacing, weight, unit, nominal, log_independent, means)
     found: dict[FaultModel, Fit] = {}
     for stack, solved in zip(stacks, systems, strict=True):
         found |= fitting.fits(stack, solved)
@@ -103,8 +103,8 @@ class _Fitting:
         What is known of the unit.
     nominal
         Misfit without a fault.
-    independent
-        Independent samples of all residuals that any of the faults moves.
+    log_independent
+        Logarithm of the independent samples of all residuals that any of the faults moves.
     means
         Products of block means, as they are now.
     """
@@ -114,28 +114,29 @@ class _Fitting:
     weight: Array
     unit: Unit
     nominal: float
-    independent: float
+    log_independent: float
     means: Array
 
     def fits(self, stack: ModelStack, systems: BoundedSystems) -> Iterator[tuple[FaultModel, Fit]]:
         """Fits of all models of a stack, in any order."""
-        square = float(self.weight @ self.sums.square)
-        rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
-        for k, model in enumerate(stack.faults):
+        square, means = float(self.weight @ self.sums.square), self.means
+        faults = stack.faults
+        rough = [k for k, model in enumerate(faults) if model.roughness > 0.0]
+        for k, model in enumerate(faults):
             if model.roughness == 0.0:
                 gain = 0.5 * (self.nominal - systems.misfit(k, square))
-                yield model, self._fit(stack, systems, k, gain)
+                yield model, self._fit(model, gain, Solution(systems, k, stack.design(k), means))
         if not rough:
             return
         weights, losses = zip(
-            *(self._roughened(stack.faults[k], systems.sizes(k)) for k in rough), strict=True
+            *(self._roughened(faults[k], systems.sizes(k)) for k in rough), strict=True
         )
-        part = stack.part(rough)
-        systems = part.systems(np.stack(weights), self.unit)
-        for k, model in enumerate(part.faults):
-            misfit = systems.misfit(k, float(weights[k] @ self.sums.square))
-            gain = 0.5 * (self.nominal - misfit) - losses[k]
-            yield model, self._fit(part, systems, k, gain)
+        systems = stack.systems(np.stack(weights), self.unit, rough)
+        for place, k in enumerate(rough):
+            misfit = systems.misfit(place, float(weights[place] @ self.sums.square))
+            gain = 0.5 * (self.nominal - misfit) - losses[place]
+            solution = Solution(systems, place, stack.design(k), means)
+            yield faults[k], self._fit(faults[k], gain, solution)
 
     def _roughened(self, model: FaultModel, sizes: Sequence[float]) -> tuple[Array, float]:
         """Weights with the scatter of the fault's own effect added, and what that costs.
@@ -158,18 +159,12 @@ class _Fitting:
                 loss += 0.5 * sums.samples[index] / spacing[index] * np.log(growth)
         return rough, loss
 
-    def _fit(self, stack: ModelStack, systems: BoundedSystems, k: int, gain: float) -> Fit:
-        sizes = systems.sizes(k)
-        nats = float(gain - _penalty(sizes, self.independent))
-        solution = Solution(systems, k, stack.design(k), self.means)
-        return Fit(stack.faults[k].fault, nats, sizes, solution)
+    def _fit(self, model: FaultModel, gain: float, solution: Solution) -> Fit:
+        """Likelihood by BIC: half a logarithm of the sample count for each size that is not 0.
 
-
-def _penalty(sizes: Sequence[float], independent: float) -> float:
-    """BIC: half a logarithm of the sample count for each size that is not 0.
-
-    A size at a bound counts as fitted: otherwise the largest spall would be the simpler
-    explanation of a weak jam, and the weakest jam that of lost lubrication.
-    """
-    fitted = sum(map(bool, sizes))
-    return 0.5 * fitted * float(np.log(independent))
+        A size at a bound counts as fitted: otherwise the largest spall would be the simpler
+        explanation of a weak jam, and the weakest jam that of lost lubrication.
+        """
+        sizes = solution.systems.sizes(solution.number)
+        penalty = 0.5 * sum(map(bool, sizes)) * self.log_independent
+        return Fit(model.fault, float(gain - penalty), sizes, solution)

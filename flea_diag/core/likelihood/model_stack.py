@@ -42,24 +42,25 @@ class ModelStack:
         """The models that are of a fault."""
         return [model for model in self.models if model is not None]
 
-    def part(self, which: Sequence[int]) -> ModelStack:
-        """Some of the models, each with a design of its own."""
-        places, every, entered, own = self.designs
-        rows = [places[k] for k in which]
-        designs = Designs(tuple(range(len(rows))), every[rows], entered, own[rows])
-        models = [self.models[k] for k in which]
-        return ModelStack(models, designs, self.moments[rows], self.cross)
+    def systems(
+        self, weight: Array, unit: Unit, which: Sequence[int] | None = None
+    ) -> BoundedSystems:
+        """Normal equations of each design with these weights of the residuals.
 
-    def systems(self, weight: Array, unit: Unit) -> BoundedSystems:
-        """Normal equations with these weights of the residuals, for all or for each design."""
+        Of ``which`` models, where each has weights of its own.
+        """
+        models, moments = self.models, self.moments
         places, _, entered, own = self.designs
+        if which is not None:
+            rows, models = [places[k] for k in which], [models[k] for k in which]
+            places, own, moments = tuple(range(len(rows))), own[rows], moments[rows]
         weighed = own.transpose(0, 1, 3, 2) * weight[..., entered, None, None]
-        A = np.add.reduce(np.matmul(weighed, self.moments), axis=1)
+        A = np.add.reduce(np.matmul(weighed, moments), axis=1)
         b = np.add.reduce(np.matmul(weighed, self.cross)[..., 0], axis=1)
-        systems = BoundedSystems(self.models, places, A, b)
-        own_sizes = systems.count
-        A[:, own_sizes:, own_sizes:] += unit.information
-        b[:, own_sizes:] += unit.vector
+        systems = BoundedSystems(models, places, A, b)
+        sizes = systems.count
+        A[:, sizes:, sizes:] += unit.information
+        b[:, sizes:] += unit.vector
         return systems
 
     def design(self, k: int) -> Array:

@@ -251,3 +251,20 @@ def test_of_a_very_large_likelihood_ratio_a_few_nats_drop_no_fault(ratio, left):
     ]
     isolation.apply_likelihoods(2, fits, 3.5)
     assert ("ball_nut_friction" in alive(isolation)) is left
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("load_force_bias", "load_force_scaling"), True),
+        (("load_force_bias", "jam"), False),
+        (("load_force_drift",), False),
+        ((), False),
+    ],
+)
+def test_a_group_begins_with_a_jump_where_each_of_it_does(names, expected):
+    isolation = fresh()
+    for hypothesis in isolation.alive():
+        if hypothesis.name not in names:
+            hypothesis.why_dropped = "for this test"
+    assert isolation.begins_with_jump is expected

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from flea_diag.core.likelihood import bounded_systems
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.fault_models import FaultModel, Size
 
@@ -54,3 +55,25 @@ def test_free_sizes_are_those_of_least_squares(seed: int) -> None:
     np.testing.assert_allclose(
         found.errors([0])[0], np.sqrt(np.diagonal(np.linalg.inv(A[0])))[:2], rtol=1e-6
     )
+
+
+def test_models_of_one_system_and_one_set_of_bounds_are_solved_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    A, b = equations(0)
+    solved: list[int] = []
+    least = bounded_systems._least
+
+    def counted(of: np.ndarray, right: np.ndarray) -> np.ndarray:
+        solved.append(len(right))
+        return least(of, right)
+
+    monkeypatch.setattr(bounded_systems, "_least", counted)
+    alone = BoundedSystems((model(NARROW, NARROW),), [0], A[:1], b[:1])
+    expected = alone.solutions[0]
+    needed = len(solved)
+    assert needed > 1
+    solved.clear()
+    twice = BoundedSystems((model(NARROW, NARROW),) * 2, [0, 0], A[:1], b[:1]).solutions
+    assert len(solved) == needed
+    assert [row.tobytes() for row in twice] == [expected.tobytes()] * 2

@@ -22,6 +22,7 @@ from support.models.fault_terms import (
 )
 from support.observed import flea_parameters
 
+from flea_diag.core.likelihood.basis import designs_of
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.likelihood import NormalEquations
 
@@ -319,3 +320,14 @@ def test_what_nothing_was_seen_of_is_held_against_no_fault():
     (found,) = fits(evidence(y, columns), (least,))
     assert found.sizes == (20.0,)
     assert found.log_likelihood == pytest.approx(-0.5 * math.log(2.0))
+
+
+def test_designs_are_made_once_and_of_residuals_that_they_enter():
+    untouched = "nothing_enters_it"
+    rough = FaultModel(DRAG.fault, DRAG.sizes, DRAG.terms, roughness=0.5)
+    made = designs_of((DRAG, rough, LOAD), (untouched, *RESIDUALS), BASIS)
+    assert made is designs_of((DRAG, rough, LOAD), (untouched, *RESIDUALS), BASIS)
+    assert made.places == (0, 0, 1)
+    assert made.entered.tolist() == [1, 2]
+    assert not made.every[:, 0].any()
+    np.testing.assert_array_equal(made.every[:, 1:], made.own)
