@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,14 @@ class RowRing:
         self.store: npt.NDArray[Any] = np.zeros((ROOM * self.size, columns), dtype=dtype)
         self._end = self.size
         self._leaving = np.arange(self.most)[:, None] - np.array(windows)
+
+    def __deepcopy__(self, memo: object) -> RowRing:
+        """With the rows that may still leave a window: what lies before them is room."""
+        made = copy(self)
+        made.store = np.empty_like(self.store)
+        made.store[: self.size] = self.last(self.size)
+        made._end = self.size
+        return made
 
     def push(self, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Take rows, shape (n, columns); those that leave, shape (n, windows, columns)."""

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,3 +22,14 @@ def test_what_leaves_a_window_came_in_that_many_rows_before(lengths):
         assert left[:, place, 0].tolist() == np.maximum(rows[:, 0] - window, 0).tolist()
     last = ring.last(5)[:, 0].tolist()
     assert last == np.maximum(np.arange(len(rows) - 4, len(rows) + 1), 0).tolist()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(1, 15), min_size=1, max_size=20))
+def test_a_copy_goes_on_as_the_ring_does_with_what_windows_hold_alone(lengths):
+    ring, rows = RowRing(1, WINDOWS, np.int64), np.arange(1, sum(lengths) + 1)[:, None]
+    for block in np.split(rows, np.cumsum(lengths)[:-1]):
+        copied = deepcopy(ring)
+        assert copied.last(5).tolist() == ring.last(5).tolist()
+        assert copied.place(0) == ring.size
+        np.testing.assert_array_equal(copied.push(block), ring.push(block))

@@ -24,6 +24,7 @@ with S the mean of y^2.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -166,12 +167,25 @@ class MeanShift:
             store = self._store
             if self._kept + count > most:
                 self._store = np.zeros((len(store), self._kept + count + _ROOM, store.shape[2]))
-            for each, end in enumerate(self._ends.tolist()):
-                kept = store[each, max(end - self._kept, 0) : end].copy()
-                self._store[each, : len(kept)], self._ends[each] = kept, len(kept)
+            self._move(store)
         memory = self._store, self._ends, self._last, self._frozen
         gaps = self._gaps, self._longest
         return *memory, self._is_frozen, *gaps, self._least, self.windows, self._reference
+
+    def _move(self, store: Array) -> None:
+        """Put the sums that are still looked back at to the front."""
+        for each, end in enumerate(self._ends.tolist()):
+            kept = store[each, max(end - self._kept, 0) : end].copy()
+            self._store[each, : len(kept)], self._ends[each] = kept, len(kept)
+
+    def __deepcopy__(self, memo: object) -> MeanShift:
+        """With these sums alone: what lies before them is room."""
+        made = copy(self)
+        for name in ("_ends", "_last", "_frozen", "_is_frozen"):
+            setattr(made, name, getattr(self, name).copy())
+        made._store = np.empty_like(self._store)
+        made._move(self._store)
+        return made
 
     def _follow(self, each: int, values: Array, use: Flags) -> Array:
         """Scans of one residual that have a value."""

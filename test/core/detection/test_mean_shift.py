@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 from support.observed import FLEA_COUNTS
@@ -144,3 +146,14 @@ def test_a_limit_that_makes_no_sense_is_refused(change, words):
     assert set(limit.to_mapping()) == {"name", "window", "sigma", "k"}
     with pytest.raises(ConfigurationError, match=words):
         read_as(MeanShiftLimit, {**limit.to_mapping(), **change})
+
+
+@pytest.mark.parametrize("before", [LEAST, 4 * REFERENCE])
+def test_a_copy_goes_on_with_the_same_bits_and_leaves_the_first_as_it_was(before):
+    draw = np.random.default_rng(8)
+    first = MeanShift(counts=FLEA_COUNTS)
+    first.step(draw.standard_normal((before, 1, 1)), np.ones((before, 1), dtype=bool))
+    more = draw.standard_normal((500, 1, 1)), np.ones((500, 1), dtype=bool)
+    copied = deepcopy(first)
+    found = deepcopy(first).step(*more)
+    assert copied.step(*more).tobytes() == first.step(*more).tobytes() == found.tobytes()
