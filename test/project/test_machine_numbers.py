@@ -47,6 +47,11 @@ GENERAL: dict[Row, str] = {
     ): "longer than the PWM of a drive, shorter than a symbol",
     ("core/scan_counts.py", "SMOOTHINGS_S", (0.01, 10.0)): "bounds of a file",
     ("core/scan_counts.py", "COUNTED_PERIOD_S", 0.01): "what older files count by",
+    (
+        "detection/coefficient_shift.py",
+        "BIN_S",
+        0.5,
+    ): "the shortest window",
     ("detection/mean_shift.py", "GAP_S", 0.5): "a smoothing kernel, and what is withheld before it",
     ("detection/mean_shift.py", "LEAST_ALWAYS_S", 6.0): "size of a sample",
     ("detection/mean_shift.py", "SHIFT_WINDOWS_S", (2.0, 4.0)): "time to a detection",

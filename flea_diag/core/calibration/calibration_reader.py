@@ -13,6 +13,7 @@ from flea_diag.core.calibration.calibration import (
     Calibration,
     CovarianceBlock,
 )
+from flea_diag.core.detection.coefficient_shift import COEFFICIENT_WINDOWS_S
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
@@ -122,8 +123,9 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     for limit in made.limits:
         for wrong in _of_limit(limit, made.counts):
             yield f"limits: {shown(limit.name)}: {wrong}"
-    shifts = tuple(map(made.counts.of, SHIFT_WINDOWS_S))
     for shift in made.shifts:
+        windows_s = COEFFICIENT_WINDOWS_S if shift.along else SHIFT_WINDOWS_S
+        shifts = tuple(map(made.counts.of, windows_s))
         if shift.window not in shifts:
             yield f"shifts: {shown(shift.name)}: window = {shift.window}, choose one of {shifts}"
     for block in made.covariance:

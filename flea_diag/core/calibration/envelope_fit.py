@@ -161,6 +161,17 @@ def _largest(trace: Trace, column: int, place: npt.NDArray[np.int64], window: in
     return means
 
 
+def loaded(trace: Trace, envelope: CalibrationEnvelope | None, relations: RelationSet) -> Trace:
+    """The trace with its loads in the metric of the recordings."""
+    metric = envelope.load_metric if envelope else np.empty((0, 0))
+    if not len(metric):
+        return trace
+    basis = LeverageBasis(relations)
+    first = basis.starts[list(basis.names).index(PLACE)] + 1
+    loads = basis.rows(trace.signals, trace.position)[:, first : first + len(metric)]
+    return replace(trace, loads=np.nan_to_num(loads) @ metric)
+
+
 def widened(trace: Trace, travel: TravelFactors | None) -> Trace:
     """The trace as a diagnosis tests it."""
     if travel is None:

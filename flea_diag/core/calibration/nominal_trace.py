@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.detection.coefficient_shift import CoefficientShift
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.plausibility import ENTER_S, usable
 
@@ -43,6 +44,8 @@ class Trace:
     position_channel: str = ""
     temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Smallest and largest reading of each channel of a temperature."""
+    loads: Array = field(default_factory=lambda: np.empty((0, 0)))
+    """In the metric of the recordings, shape (scans, loads); without scans where not known."""
 
 
 def trace(
@@ -115,3 +118,57 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
         for a, b in flag_runs(~traced.voltage_usable)
         if b - a >= ScanCounts(period_s).of(ENTER_S)
     ]
+
+
+def own_noise(
+    traces: Sequence[Trace], term: ReadingTerm, tolerance: Array, between: float
+) -> float:
+    """Noise of a sample of a residual: what its unit's own parameters leave of each recording."""
+    left, count = 0.0, 0
+    for trace in traces:
+        rows, use = _coefficient_rows(trace, [term], tolerance, between)
+        psi, residual = rows[use, :-2], rows[use, -2]
+        if len(psi) > psi.shape[1]:
+            found = np.linalg.lstsq(psi, residual, rcond=None)[0]
+            left += float(np.square(residual - psi @ found).sum())
+            count += len(residual) - psi.shape[1]
+    return float(np.sqrt(left / count)) if count else 0.0
+
+
+def coefficient_shifts(
+    trace: Trace,
+    terms: Sequence[ReadingTerm],
+    tolerance: Array,
+    between: float,
+    sigma: float,
+    counts: ScanCounts,
+) -> Array:
+    """Z of the coefficients of one residual after each bin, shape (n, readings, windows)."""
+    rows, use = _coefficient_rows(trace, terms, tolerance, between)
+    gated, own = _gated(trace, terms[0]), rows.shape[1] - len(terms) - 1
+    shift = CoefficientShift(own, len(terms), sigma, gated, counts=counts)
+    return shift.step(rows, use)[:, 0]
+
+
+def _gated(trace: Trace, term: ReadingTerm) -> bool:
+    return trace.rows.named[term.residual].gate == "moving"
+
+
+def _coefficient_rows(
+    trace: Trace, terms: Sequence[ReadingTerm], tolerance: Array, between: float
+) -> tuple[Array, Flags]:
+    """As ``CoefficientShift.step`` takes them: the rows, and which scans count.
+
+    ``between`` is the variance of the residual between recordings.
+    """
+    known, first = trace.rows, terms[0]
+    column = known.place[first.residual]
+    spread = np.zeros((len(trace.values), len(tolerance)))
+    if trace.spread is not None:
+        spread = trace.spread[:, known.spreading.index(column), list(first.units)]
+    readings = trace.signals[:, [term.signal for term in terms]] - [term.zero for term in terms]
+    loads = trace.loads * np.sqrt(between)
+    loads = loads if len(loads) else np.empty((len(spread), 0))
+    rows = np.concatenate((spread * tolerance, loads, trace.values[:, [column]], readings), axis=1)
+    use = trace.moving | (not _gated(trace, first))
+    return rows, use & np.isfinite(rows).all(axis=1)

@@ -14,18 +14,20 @@ beyond 1 at the stated rate, the limits of that residual are widened by as much.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.extreme_value import return_level
-from flea_diag.core.calibration.nominal_trace import Trace
+from flea_diag.core.calibration.nominal_trace import Trace, coefficient_shifts, own_noise
 from flea_diag.core.calibration.out_of_sample import OutOfSample
 from flea_diag.core.calibration.promise import LEAST_RECORDINGS
 from flea_diag.core.calibration.window_fit import WindowFit, WindowStatistic, others_of, window_fit
+from flea_diag.core.detection.coefficient_shift import COEFFICIENT_WINDOWS_S
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
@@ -89,8 +91,7 @@ class LimitFit:
     def shift_limits(self) -> tuple[MeanShiftLimit, ...]:
         """Limits of the mean shift within a recording, for residuals with unit variability."""
         return tuple(
-            MeanShiftLimit(fit.name, fit.window, fit.sigma[0], fit.k, fit.along)
-            for fit in self.shifts
+            MeanShiftLimit(fit.name, fit.window, *fit.shift_limit, fit.along) for fit in self.shifts
         )
 
 
@@ -120,6 +121,10 @@ class _Tests:
     def counts(self) -> ScanCounts:
         """Counts of scans at their rate."""
         return ScanCounts(self.period_s)
+
+    def differing_of(self, units: Sequence[int]) -> Array:
+        """Spread of healthy units in some parameters, before anything is learned."""
+        return np.array([getattr(self.tolerance, UNIT_PARAMETERS[k]) for k in units])
 
     @property
     def differing(self) -> Array:
@@ -175,7 +180,10 @@ def fit_limits(
         traces, judged or traces, others, tolerance, false_alarms_per_hour, period_s, spread, terms
     )
     tests, scatter = _z_tests(given)
-    shifts = _shift_tests(given)
+    between = {fit.name: 0.0 for fit in tests}
+    for fit in tests:
+        between[fit.name] = max(between[fit.name], max(fit.sigma) ** 2)
+    shifts = _shift_tests(given, between)
     scores, worst = _scores((*tests, *shifts), others)
     tests, shifts = (_widened(fits, given) for fits in (tests, shifts))
     return LimitFit(tests, shifts, scatter, spread, scores, worst, false_alarms_per_hour)
@@ -265,27 +273,55 @@ def _z_tests(given: _Tests) -> tuple[tuple[WindowFit, ...], dict[str, float]]:
     return tuple(found), scatter
 
 
-def _shift_tests(given: _Tests) -> tuple[WindowFit, ...]:
+def _shift_tests(given: _Tests, between: Mapping[str, float]) -> tuple[WindowFit, ...]:
     """Tests of the shift within a recording; they share ``SHIFT_SHARE`` of the rate."""
-    rows, terms = given.rows, given.terms
-    tests: list[tuple[int, ReadingTerm | None]] = [(column, None) for column in rows.spreading]
-    tests += [(rows.place[term.residual], term) for term in terms]
-    rate = SHIFT_SHARE * given.rate_per_hour / (max(len(tests), 1) * len(SHIFT_WINDOWS_S))
+    spreading, terms = given.rows.spreading, given.terms
+    tests = len(spreading) * len(SHIFT_WINDOWS_S) + len(terms) * len(COEFFICIENT_WINDOWS_S)
+    rate = SHIFT_SHARE * given.rate_per_hour / max(tests, 1)
     samples = sum(len(entry.values) for entry in given.traces)
     found = []
-    for column, term in tests:
-        row = rows.rows[column]
+    for column in spreading:
+        row = given.rows.rows[column]
         shifts, own = (
-            [_shifts(row, column, term, entry, given) for entry in part]
+            [_shifts(row, column, entry, given) for entry in part]
             for part in (given.traces, given.judged)
         )
         for index, window in enumerate(map(given.counts.of, SHIFT_WINDOWS_S)):
             k = given.student(rate, window, samples)
             every, judged = ([_known(each[:, index]) for each in part] for part in (shifts, own))
             fit = window_fit(row.name, window, every, 1, k, given.others, False, judged)
-            if fit is not None:
-                found.append(replace(fit, along=term.channel if term else ""))
+            found += [fit] if fit is not None else []
+    for name in dict.fromkeys(term.residual for term in terms):
+        least_k = partial(given.student, rate, samples=samples)
+        found += _coefficient_tests(name, given, between.get(name, 0.0), least_k)
     return tuple(found)
+
+
+def _coefficient_tests(
+    name: str, given: _Tests, between: float, least_k: Callable[[int], float]
+) -> Iterator[WindowFit]:
+    """Tests of the coefficients of one residual on its readings."""
+    terms = [term for term in given.terms if term.residual == name]
+    tolerance = given.differing_of(terms[0].units)
+    sigma = own_noise(given.traces, terms[0], tolerance, between)
+    if not sigma > 0.0:
+        return
+    shifts, own = (
+        [
+            coefficient_shifts(entry, terms, tolerance, between, sigma, given.counts)
+            for entry in part
+        ]
+        for part in (given.traces, given.judged)
+    )
+    for index, window in enumerate(map(given.counts.of, COEFFICIENT_WINDOWS_S)):
+        for place, term in enumerate(terms):
+            every, judged = (
+                [_known(each[:, place, index, None]) for each in part] for part in (shifts, own)
+            )
+            k = least_k(window)
+            fit = window_fit(name, window, every, 1, k, given.others, False, judged)
+            if fit is not None:
+                yield replace(fit, along=term.channel, noise=sigma)
 
 
 def _known(shifts: Array) -> WindowStatistic:
@@ -295,17 +331,14 @@ def _known(shifts: Array) -> WindowStatistic:
     return WindowStatistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
 
 
-def _shifts(
-    row: ResidualRow, column: int, term: ReadingTerm | None, entry: Trace, given: _Tests
-) -> Array:
+def _shifts(row: ResidualRow, column: int, entry: Trace, given: _Tests) -> Array:
     """Shifts of a residual and of what units differ by, (scans, windows, 1 + unit parameters)."""
     gated = row.gate == "moving"
     use = entry.moving[:, None] | (not gated)
     spread = _spread_of(entry, column) * given.differing
     values = np.concatenate((entry.values[:, [column]], spread), axis=1)
     level = MeanShift([gated], values.shape[1], counts=given.counts)
-    along = entry.signals[:, [term.signal]] - term.zero if term else None
-    return level.step(values[:, None], use, along)[:, 0]
+    return level.step(values[:, None], use)[:, 0]
 
 
 def _spread_of(entry: Trace, column: int) -> Array:

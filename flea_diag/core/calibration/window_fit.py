@@ -19,6 +19,9 @@ Flags = npt.NDArray[np.bool_]
 
 GUARD = 1.25
 """A limit is at least so many times the largest nominal value."""
+COEFFICIENT_GUARD = 2.0
+"""The same where a coefficient is tested: what units differ by is out of it, and what is left, such
+as the heat of a winding, is that of the motion, of which recordings have few."""
 LEAST_IN_REGION = 5
 """Fewer recordings in a region do not determine its scatter: those of all regions do."""
 
@@ -55,6 +58,8 @@ class WindowFit:
     """Factor of the limit, from the tail of the scores."""
     along: str = ""
     """Reading whose coefficient is tested; empty: it is a mean."""
+    noise: float = 0.0
+    """Noise of a sample of the residual, where a coefficient is tested."""
 
     @property
     def words(self) -> str:
@@ -63,9 +68,21 @@ class WindowFit:
         return f"{self.name}, {what} of {self.window}"
 
     @property
+    def guard(self) -> float:
+        """Least limit in times the largest nominal value."""
+        return COEFFICIENT_GUARD if self.along else GUARD
+
+    @property
     def k(self) -> float:
         """Limit of |z|."""
-        return self.widening * max(self.least_k, GUARD * float(np.nanmax(self.maxima)))
+        return self.widening * max(self.least_k, self.guard * float(np.nanmax(self.maxima)))
+
+    @property
+    def shift_limit(self) -> tuple[float, float]:
+        """Sigma and limit of a test of a shift: a coefficient comes in sigmas of the noise."""
+        if self.along:
+            return self.noise, self.k * self.sigma[0]
+        return self.sigma[0], self.k
 
     def scores(self, others: Flags) -> Array:
         """Largest |z| of each recording over the limit learned from ``others``, shape (n,).
@@ -73,7 +90,7 @@ class WindowFit:
         A recording at 1 would just have raised a false alarm.
         """
         seen = np.where(others, np.nan_to_num(self.maxima), 0.0).max(axis=1)
-        return np.asarray(self.tested / np.maximum(self.least_k, GUARD * seen))
+        return np.asarray(self.tested / np.maximum(self.least_k, self.guard * seen))
 
 
 def others_of(folds: Sequence[str]) -> Flags:

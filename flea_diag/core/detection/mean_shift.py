@@ -10,15 +10,6 @@ fraction of what the calibration must allow any unit:
 A step or a drift of a sensor shows, wherever the level of its relation was; what was there
 from the start does not, and is left to the tests against the calibration (``detection``). From
 a detection on, the earlier level is frozen.
-
-A reading that is scaled moves a residual in proportion to itself, which averages out where it
-changes its sign. So a level may also be the coefficient b of the residual r on such a reading y.
-Its shift is held against the same limit in the unit of the residual, by the root mean square of
-the reading where it is smaller; a mean is the coefficient on y = 1:
-
-    b = sum(y r) / sum(y^2),   d = (b(last w) - b(before)) sqrt(2 / (1 / S(last w) + 1 / S(before)))
-
-with S the mean of y^2.
 """
 
 from __future__ import annotations
@@ -56,7 +47,8 @@ _ROOM = 1000  # scans between two moves of the store
 class MeanShiftLimit(Frozen):
     """Sigma of the mean shift of one residual over ``window`` scans, and its limit in sigmas.
 
-    ``along`` names the reading whose coefficient shifts; empty: the mean does.
+    ``along`` names the reading whose coefficient shifts (``coefficient_shift``), and sigma is then
+    the noise of a sample of the residual; empty: the mean does.
     """
 
     name: str
@@ -96,11 +88,10 @@ class MeanShift:
         shape = (len(gated), len(self.windows))
         self._gaps, self._longest = np.zeros(len(gated), dtype=np.int64), counts.of(GAP_S)
         self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
-        # Beside each column the square of the reading that they are taken along.
-        self._store = np.zeros((len(gated), self._kept + _ROOM, columns + 1))
+        self._store = np.zeros((len(gated), self._kept + _ROOM, columns))
         self._ends = np.ones(len(gated), dtype=np.int64)  # the sum of nothing
         self._last = np.full((*shape, columns), np.nan)
-        self._frozen = np.full((*shape, columns + 1), np.nan)
+        self._frozen = np.full((*shape, columns), np.nan)
         self._is_frozen = np.zeros(len(gated), dtype=bool)
         self._sign = np.where(np.arange(columns) < columns - added, 1.0, -1.0)
 
@@ -120,18 +111,14 @@ class MeanShift:
             self._frozen[each] = self._earlier(each, end - 1 - self.windows)
         self._is_frozen[:] = True
 
-    def step(self, values: Array, use: Flags, along: Array | None = None) -> Array:
+    def step(self, values: Array, use: Flags) -> Array:
         """Shifts after each of n scans, shape (n, residuals, windows, columns).
 
         ``values`` has shape (n, residuals, columns). ``use``, shape (n, residuals), says which of
-        them count; after the others the last shift stands, NaN before the first. ``along``, shape
-        (n, residuals), is what coefficients are of, None: they are means.
+        them count; after the others the last shift stands, NaN before the first.
         Where values are missing for longer than ``GAP_S`` their channel was not to be trusted: a
         new level begins after them.
         """
-        along = np.ones(values.shape[:2]) if along is None else along
-        square = np.square(along)[..., None]
-        values = np.concatenate((values * along[..., None], square), axis=2)
         self.room(len(values))
         shifts = np.empty((len(values), *self._last.shape))
         for each in range(len(self._ends)):
@@ -181,7 +168,7 @@ class MeanShift:
     def __deepcopy__(self, memo: object) -> MeanShift:
         """With these sums alone: what lies before them is room."""
         made = copy(self)
-        for name in ("_ends", "_last", "_frozen", "_is_frozen"):
+        for name in ("_ends", "_last", "_frozen", "_is_frozen", "_gaps"):
             setattr(made, name, getattr(self, name).copy())
         made._store = np.empty_like(self._store)
         made._move(self._store)
@@ -206,8 +193,8 @@ class MeanShift:
         sums, begins = self._store[each], last - self.windows
         means = (sums[last] - sums[np.maximum(begins, 0)]) / self.windows[:, None]
         if not self._is_frozen[each]:
-            return _apart(means, self._earlier(each, begins), self._sign)
-        shifts = _apart(means, self._frozen[each], self._sign)
+            return np.asarray(means - self._sign * self._earlier(each, begins))
+        shifts = np.asarray(means - self._sign * self._frozen[each])
         shifts[begins < 0] = np.nan
         return shifts
 
@@ -217,15 +204,3 @@ class MeanShift:
         enough = np.where(samples >= self._least[each], samples, np.nan)[..., None]
         before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - self._reference, 0)]
         return np.asarray(before / enough)
-
-
-def _apart(means: Array, earlier: Array, sign: Array) -> Array:
-    """Coefficients less the earlier ones, by the smaller reading; its mean square comes last.
-
-    Where the sign is -1, both together, as they are.
-    """
-    square, before = means[..., -1:], earlier[..., -1:]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        apart = means[..., :-1] / square - sign * (earlier[..., :-1] / before)
-        size = np.sqrt(2.0 / (1.0 / square + 1.0 / before))
-        return np.asarray(apart * np.where(sign > 0.0, size, 1.0))

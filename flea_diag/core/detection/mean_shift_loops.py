@@ -18,24 +18,16 @@ def mean_shift_loops(
 ) -> None:  # fmt: skip
     """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``.
 
-    Of the last column but one, before that of squares, the means are added.
+    Of the last column the means are added.
     """
-    squares = len(row) - 1
+    added = len(row) - 1
     for c in range(len(row)):
         sums[end, c] = sums[end - 1, c] + row[c]
     for w, window in enumerate(windows):
         begin = end - window
         near, far, samples = max(begin, 0), max(begin - reference, 0), min(begin, reference)
         known = begin >= 0 if is_frozen else samples >= least
-        square = (sums[end, squares] - sums[near, squares]) / window
-        before = math.nan
-        if is_frozen:
-            before = frozen[w, squares]
-        elif known:
-            before = (sums[near, squares] - sums[far, squares]) / samples
-        known = known and square > 0.0 and before > 0.0
-        size = math.sqrt(2.0 / (1.0 / square + 1.0 / before)) if known else math.nan
-        for c in range(squares):
+        for c in range(len(row)):
             last[w, c] = math.nan
             if known:
                 if is_frozen:
@@ -43,50 +35,43 @@ def mean_shift_loops(
                 else:
                     earlier = (sums[near, c] - sums[far, c]) / samples
                 mean = (sums[end, c] - sums[near, c]) / window
-                if c < squares - 1:
-                    last[w, c] = (mean / square - earlier / before) * size
-                else:
-                    last[w, c] = mean / square + earlier / before
+                last[w, c] = mean + earlier if c == added else mean - earlier
 
 
 def mean_shift_test_loops(
-    rows: tuple[Array, Array, Flags, Array], tests: tuple[Counts, Counts, Flags, Counts, Array],
+    rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
     unit: tuple[Array, Array], place: tuple[Array, Array, Array],
     memory: tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int],
     limits: tuple[Array, Array, Array], z: Array, shifts: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any shift is beyond its limit.
 
-    ``tests`` are the columns of values, places of spreads, which count in motion alone, and the
-    signal, -1 for none, with its zero, that a coefficient is on;
+    ``tests`` are the columns of values, places of spreads, and which count in motion alone;
     ``unit`` the change and the tolerance of its parameters; ``place`` the loads, their metric, and
     the leverage of each test beyond the reach; ``limits`` variance, that between recordings, and k.
     """
-    values, spread, moving, signals = rows
-    columns, places, gated, read, zero = tests
+    values, spread, moving = rows
+    columns, places, gated = tests
     change, tolerance = unit
     store, ends, last, frozen, is_frozen, gaps, longest, least, windows, reference = memory
     variance, between, k = limits
     loads, metric, leverage = place
     units, most = 1 + len(change), 1 + len(change) + len(metric)
-    row, beyond = np.empty(most + 2), False
+    row, beyond = np.empty(most + 1), False
     for i in range(len(values)):
         for t in range(len(columns)):
-            learned, along = 0.0, 1.0
-            if read[t] >= 0:
-                along = signals[i, read[t]] - zero[t]
+            learned = 0.0
             for u in range(len(change)):
                 moved = spread[i, places[t], u]
                 learned += moved * change[u]
-                row[1 + u] = moved * tolerance[u] * along
-            row[0] = (values[i, columns[t]] - learned) * along
+                row[1 + u] = moved * tolerance[u]
+            row[0] = values[i, columns[t]] - learned
             for u in range(len(metric)):
                 row[units + u] = 0.0
-                for v in range(len(metric) * (read[t] < 0)):
+                for v in range(len(metric)):
                     known = 0.0 if math.isnan(loads[i, v]) else loads[i, v]
                     row[units + u] += known * metric[v, u]
-            row[most] = leverage[i, t] * along * along
-            row[most + 1] = along * along
+            row[most] = leverage[i, t]
             gaps[t] = gaps[t] + 1 if math.isnan(row[0]) else 0
             if gaps[t] > longest:
                 store[t, 0], last[t] = 0.0, math.nan

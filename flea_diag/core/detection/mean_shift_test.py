@@ -6,9 +6,9 @@ K b, so the load cell is a witness: where the two deviate in opposite directions
 distance from zero is held against the limit that the shift alone would have, and both deviate.
 A witness adds no more than the voltage says itself: a drag alone is none.
 
-Where the coefficient of a residual on a reading shifts, the residual changes its sign with that
-reading. It deviates with the sign of the shift of its mean, which is one that it has shown, and
-keeps it in the episode that it opens.
+Where the coefficient of a residual on a reading shifts (``coefficient_shift``), the residual
+changes its sign with that reading. It deviates with the sign that it has now, and keeps it in the
+episode that it opens.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.detection.coefficient_shift import CoefficientTests
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
@@ -64,28 +65,27 @@ class MeanShiftTest:
         self._fired: list[int] = []
         self._openers: list[int] = []
         """Columns whose shift has just exceeded its limit, and those that opened the episode."""
-        # Those of means first: a coefficient takes its sign from them.
-        tests = list(dict.fromkeys((limit.name, limit.along) for limit in limits))
-        tests.sort(key=lambda test: bool(test[1]))
-        names = [name for name, _ in tests]
+        self._signs: dict[int, float] = {}
+        coefficients = [limit for limit in limits if limit.along]
+        limits = [limit for limit in limits if not limit.along]
+        names = list(dict.fromkeys(limit.name for limit in limits))
         self._columns = np.array(known.columns(names), dtype=int)
         self._places = np.array([known.spreading.index(j) for j in self._columns], dtype=int)
         self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
-        self._along = tuple(along for _, along in tests)
-        given = {(term.residual, term.channel): term for term in terms}
-        read = [given.get(test) for test in tests]
-        self._read = np.array([term.signal if term else -1 for term in read], dtype=int)
-        self._zero = np.array([term.zero if term else 0.0 for term in read])
         self._metric = np.empty((0, 0)) if metric is None else metric
+        self._coefficients = (
+            CoefficientTests(known, coefficients, tolerance, terms, counts, between, self._metric)
+            if coefficients
+            else None
+        )
         self._units = 1 + len(tolerance)
         width = self._units + len(self._metric) + 1
         self._level = MeanShift(self._gated.tolist(), width, 1, counts=counts)
         windows = self._windows = tuple(self._level.windows.tolist())
         # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(windows)), np.nan)
-        self._signs = np.ones((len(names), len(windows)))
         for limit in limits:
-            at = tests.index((limit.name, limit.along)), windows.index(limit.window)
+            at = names.index(limit.name), windows.index(limit.window)
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
         apart = [between.get(name, 0.0) for name in names]
         self._between = np.fmax(np.nanmax(self._variance, axis=1), apart)
@@ -98,6 +98,8 @@ class MeanShiftTest:
         """An episode has opened: freeze the level before it. Or closed: start a new level."""
         self._open, self._openers = opened, self._fired if opened else []
         self._level.freeze() if opened else self._level.clear()
+        if self._coefficients:
+            self._coefficients.turn(opened)
 
     def step(
         self,
@@ -119,35 +121,78 @@ class MeanShiftTest:
         self._fired = []
         if self._open and not self._openers:
             return
-        circuit = self._circuit
         z, shifts, beyond = (self._follow if self._compiled else self._z)(
             rows, *self._place(len(rows), leverage, loads)
         )
-        if not beyond and alone is None:
-            return
+        if beyond or alone is not None:
+            self._judge_means(results, alone, z, shifts)
+        if self._coefficients:
+            found = self._coefficients.step(rows, self._change, leverage, loads)
+            self._judge_coefficients(self._coefficients, results, alone, *found)
+
+    def _silent(self, column: int) -> bool:
+        """Whether a residual of the circuit says nothing in this episode."""
+        return self._open and column in self._circuit and self._circuit.isdisjoint(self._openers)
+
+    def _judge_means(
+        self, results: TestResults, alone: Flags | None, z: Array, shifts: Array
+    ) -> None:
+        """Shifts of means."""
         for test, column in enumerate(self._columns.tolist()):
-            if self._open and column in circuit and circuit.isdisjoint(self._openers):
+            if self._silent(column):
                 continue
-            here, shift, along = z[:, test], shifts[:, test], self._along[test]
-            if along:
-                here, shift = self._signed(test, z, here, shift)
+            here = z[:, test]
             if alone is not None and column in self._need_voltage:
-                heard = self._witnessed(here, -1 if along else column, results)
+                heard = self._witnessed(here, column, results)
                 here = np.where(alone[:, None], heard, here)
-            counts = self._judge(here, column, self._k[test], results, shift)
+            limits = self._windows, self._k[test]
+            counts = self._judge(here, column, limits, results, shifts[:, test])
             if counts[-1]:
                 self._fired.append(column)
-                results.along[column] = along
-            if alone is not None and column == self._electrical and not along:
+            if alone is not None and column == self._electrical:
                 self._call_witness(counts & alone, results)
 
-    def _signed(self, test: int, z: Array, here: Array, shift: Array) -> tuple[Array, Array]:
-        """The shift of a coefficient with the sign that the mean of its residual has shifted by."""
-        mean = self._columns.tolist().index(self._columns[test])
-        signs = self._signs[test] if self._open else np.where(z[:, mean] < 0.0, -1.0, 1.0)
-        if not self._open:
-            self._signs[test] = signs[-1]
-        return np.abs(here) * signs, np.abs(shift) * signs
+    def _judge_coefficients(
+        self,
+        tests: CoefficientTests,
+        results: TestResults,
+        alone: Flags | None,
+        z: Array,
+        shifts: Array,
+    ) -> None:
+        """Shifts of coefficients."""
+        for test, (column, along) in enumerate(tests.tests):
+            if self._silent(column):
+                continue
+            here, shift = z[:, test], shifts[:, test]
+            if alone is not None and column in self._need_voltage:
+                here = np.where(alone[:, None], np.nan, here)
+            sign = self._held_sign(test, here, tests.k[test])[:, None]
+            here, shift = np.abs(here) * sign, np.abs(shift) * sign
+            if self._judge(here, column, (tests.windows, tests.k[test]), results, shift)[-1]:
+                self._fired.append(column)
+                results.along[column] = along
+
+    def _held_sign(self, test: int, z: Array, k: Array) -> Array:
+        """Sign after each of n scans of the window nearest to its limit, z of shape (n, windows).
+
+        In an episode it stays what it was when the first one was beyond its limit.
+        """
+        share = np.nan_to_num(np.abs(z) / k)
+        beyond: Flags = np.any(share > 1.0, axis=1)
+        nearest = np.take_along_axis(z, share.argmax(axis=1)[:, None], axis=1)[:, 0]
+        signs = np.where(nearest < 0.0, -1.0, 1.0)
+        held = self._signs.get(test, 0.0) if self._open else 0.0
+        if self._open and not held and beyond.any():
+            first = int(beyond.argmax())
+            held = float(signs[first])
+            signs[first:] = held
+        elif held:
+            signs[:] = held
+        elif not self._open and beyond[-1]:
+            held = float(signs[-1])
+        self._signs[test] = held
+        return signs
 
     def _place(
         self, count: int, leverage: Array | None, loads: Array | None
@@ -165,8 +210,8 @@ class MeanShiftTest:
         """``_z`` in one compiled loop."""
         z, shifts = np.empty((2, len(rows), *self._k.shape))
         beyond = backends.exact(*MEAN_SHIFT_LOOPS)(
-            (rows.values, rows.spread, rows.moving, rows.signals),
-            (self._columns, self._places, self._gated, self._read, self._zero),
+            (rows.values, rows.spread, rows.moving),
+            (self._columns, self._places, self._gated),
             (self._change, self._tolerance),
             (loads, self._metric, leverage),
             self._level.room(len(rows)),
@@ -187,14 +232,11 @@ class MeanShiftTest:
         learned = summed_in_order(spread * self._change)
         values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
         values[:, :, 1 : self._units] = spread * self._tolerance
-        along = np.where(self._read < 0, 1.0, rows.signals.take(self._read, axis=1) - self._zero)
-        # A coefficient shifts with its reading under a constant load, too: its sigma holds that.
         known = np.where(np.isnan(loads), 0.0, loads)
         for place, weights in enumerate(self._metric.T, start=self._units):
-            apart = summed_in_order(known * weights)[:, None]
-            values[:, :, place] = np.where(self._read < 0, apart, 0.0)
-        values[:, :, -1] = leverage * along
-        every = self._level.step(values, rows.moving[:, None] | ~self._gated, along)
+            values[:, :, place] = summed_in_order(known * weights)[:, None]
+        values[:, :, -1] = leverage
+        every = self._level.step(values, rows.moving[:, None] | ~self._gated)
         unit = summed_in_order(np.square(every[..., 1 : self._units]))
         apart = every[..., -1]
         for load in range(len(self._metric)):
@@ -223,11 +265,19 @@ class MeanShiftTest:
         both, k = results.z[called, circuit], results.k[called, circuit]
         results.z[called, forces], results.k[called, forces] = -both, k
 
-    def _judge(self, z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:
-        """Fill the results in; after which scans a shift counts."""
+    def _judge(
+        self,
+        z: Array,
+        column: int,
+        limits: tuple[Sequence[int], Array],
+        results: TestResults,
+        shifts: Array,
+    ) -> Flags:
+        """Fill the results in; after which scans a shift counts. ``limits``: windows, and k."""
+        windows, k = limits
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
         counts = np.zeros(len(quiet), dtype=bool)
-        for each, shift, limit, window in zip(z.T, shifts.T, k, self._windows, strict=True):
+        for each, shift, limit, window in zip(z.T, shifts.T, k, windows, strict=True):
             beyond = quiet & (np.abs(each) > limit)
             results.z[beyond, column], results.k[beyond, column] = each[beyond], limit
             results.window[beyond, column] = window

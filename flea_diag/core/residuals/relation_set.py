@@ -155,16 +155,31 @@ class RelationSet(Frozen):
         )
 
     def reading_terms(self, parameters: Any) -> tuple[ReadingTerm, ...]:
-        """Readings that enter, as they are, a residual in which healthy units differ."""
-        known = asdict(parameters)
+        """Readings that enter, as they are, a residual in which healthy units differ.
+
+        A supply swings: what a command is answered with is no constant of a unit.
+        """
+        known, rows = asdict(parameters), self.residuals
         zeros = {name: evaluate(offset, known) for name, offset in self.offsets.items()}
         return tuple(
-            ReadingTerm(row.name, name, self.signals.index(name), float(zeros.get(name, 0.0)))
-            for row in self.residuals.parities
+            ReadingTerm(
+                row.name,
+                name,
+                self.signals.index(name),
+                float(zeros.get(name, 0.0)),
+                self._depends(row.relation),
+            )
+            for row in rows.parities
             if row.differs and not row.normalised and row.relation in self.named
+            if rows.command not in self.named[row.relation].signals
             for name in self.named[row.relation].signals
-            if name in self.residuals.units
+            if name in rows.units
         )
+
+    def _depends(self, relation: str) -> tuple[int, ...]:
+        """Places of the unit parameters that a relation depends on."""
+        row = self.named[relation]
+        return tuple(k for k, unit in enumerate(self.units) if self._apart(row, unit) != ZERO)
 
     def _apart(self, row: CompiledRelation, unit: str) -> Expression:
         """D r / d theta; 0 for what healthy units are alike in unless the description says more."""

@@ -76,12 +76,16 @@ class Parity(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class ReadingTerm(Frozen):
-    """A channel that a residual reads as it is: its column among the signals, and its zero."""
+    """A channel that a residual reads as it is: its column among the signals, and its zero.
+
+    ``units`` are the places of the unit parameters that the residual depends on.
+    """
 
     residual: str
     channel: str
     signal: int
     zero: float
+    units: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,14 @@ def _learn(
     )
     envelope = envelope_fit.envelope(traces, relations, counts, found.parameters)
     tested, judged = (
-        [envelope_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
+        [
+            envelope_fit.loaded(
+                envelope_fit.widened(trace, envelope.travel if envelope else None),
+                envelope,
+                relations,
+            )
+            for trace in part
+        ]
         for part in (traces, judged)
     )
     terms = relations.reading_terms(found.parameters)

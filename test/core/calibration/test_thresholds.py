@@ -142,10 +142,11 @@ def test_coefficients_have_limits_only_where_readings_are_named():
     )
     own = [limit for limit in found if limit.along]
     assert [(limit.name, limit.along, limit.window) for limit in own] == [
-        ("parity_mechanical", "motor_current", window) for window in (200, 400)
+        ("parity_mechanical", "motor_current", window) for window in (200, 400, 800, 1600)
     ]
-    # White noise on a reading of size 1: as a mean, but for what the earlier level adds.
-    assert own[1].sigma == pytest.approx(1.0 / np.sqrt(400.0), rel=0.4)
+    # White noise has the noise of a sample, and of 50 that count as one independent sample.
+    assert [limit.sigma for limit in own] == pytest.approx([1.0] * 4, rel=0.05)
+    assert all(2.0 * np.sqrt(1.0 / 50.0) < limit.k < 2.0 for limit in own)
 
 
 def test_regions_with_few_recordings_borrow_from_all():

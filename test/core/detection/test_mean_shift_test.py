@@ -24,7 +24,7 @@ MECHANICAL = FLEA.place["parity_mechanical"]
 PLACE = FLEA.spreading.index(ELECTRICAL)
 LIMIT = MeanShiftLimit("parity_electrical", 200, 0.2, 5.0)
 VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
-CURRENT = ReadingTerm("parity_mechanical", "motor_current", 1, 0.5)
+CURRENT = ReadingTerm("parity_mechanical", "motor_current", 1, 0.5, (0,))
 ALONG = MeanShiftLimit("parity_mechanical", 200, 1.0, 5.0, "motor_current")
 
 
@@ -190,26 +190,48 @@ def alternating(count: int, share: float, mean: float = 0.0) -> ResidualRows:
     """Forces in proportion to a current that changes its sign twice a second."""
     made = rows(np.zeros(count))
     made.moving[:] = True
-    current = 2.0 * np.sin(np.arange(count) * (2.0 * np.pi / 50.0))
+    current = mean + 2.0 * np.sin(np.arange(count) * (2.0 * np.pi / 50.0))
     made.signals[:, CURRENT.signal] = current + CURRENT.zero
-    made.values[:, MECHANICAL] = share * 100.0 * current + mean
+    made.values[:, MECHANICAL] = share * 100.0 * current
     return made
 
 
-@pytest.mark.parametrize("mean", [3.0, -3.0])
+@pytest.mark.parametrize("mean", [0.3, -0.3])
 def test_a_scaled_current_shows_in_the_coefficient_with_the_sign_of_the_mean(mean):
     means = MeanShiftLimit("parity_mechanical", 200, 1.0, 50.0)
     test = MeanShiftTest(FLEA, [ALONG, means], [0.0] * UNITS, counts=FLEA_COUNTS, terms=[CURRENT])
     assert not step(test, alternating(1000, 0.0)).deviating().any()
     found = step(test, alternating(200, 0.1, mean))
     assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
-    assert found.z[-1, MECHANICAL] == pytest.approx(np.sign(mean) * 20.0 / np.sqrt(2.0))
-    assert np.sign(found.shift[-1, MECHANICAL]) == np.sign(mean)
+    size = 10.0 * math.sqrt(2.0 + mean**2)  # root mean square of the force
+    assert found.z[-1, MECHANICAL] == pytest.approx(np.sign(mean) * size * math.sqrt(200 / 50))
+    assert found.shift[-1, MECHANICAL] == pytest.approx(np.sign(mean) * size)
     assert found.along == {MECHANICAL: "motor_current"}
     test.turn(opened=True)
     later = step(test, alternating(3000, 0.1, -mean))
     assert later.deviating()[-1, MECHANICAL]
     assert np.sign(later.z[-1, MECHANICAL]) == np.sign(mean)
+
+
+@pytest.mark.parametrize("between", [0.0, 2.0**2])
+def test_what_a_relation_neglects_of_a_load_is_no_shift_of_a_coefficient(between):
+    test = MeanShiftTest(
+        FLEA,
+        [replace(ALONG, sigma=0.05)],
+        [0.0] * UNITS,
+        counts=FLEA_COUNTS,
+        terms=[CURRENT],
+        between={"parity_mechanical": between},
+        metric=np.array([[0.01]]),
+    )
+    load = np.repeat([0.0, 100.0], [800, 200])
+    made = rows(np.zeros(1000))
+    made.moving[:] = True
+    made.signals[:, CURRENT.signal] = 0.02 * load + CURRENT.zero
+    made.values[:, MECHANICAL] = 0.01 * load
+    found = detection.TestResults(len(FLEA.rows), 1000)
+    test.step(made, found, None, None, load[:, None])
+    assert bool(found.deviating().any()) is (between == 0.0)
 
 
 def test_the_coefficient_on_a_voltage_alone_says_nothing():
@@ -250,6 +272,7 @@ def test_compiled_gives_the_bits_of_numpy(block):
         for backend in ("numpy", "numba")
     ]
     leverage, loads = draw.random((6000, len(FLEA.rows))), draw.standard_normal((6000, 2))
+    leverage[draw.random(6000) > 0.3] = 0.0
     loads[50, 1] = np.nan
     counted, coefficients = False, 0
     for start in range(0, 6000, block):

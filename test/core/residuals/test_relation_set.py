@@ -315,6 +315,18 @@ def test_readings_enter_the_residuals_in_which_units_differ_with_their_zeros():
     assert not [residual for residual, _ in found if residual.endswith("_dn")]
 
 
+def test_a_drive_follows_its_supply_and_has_no_coefficient_of_its_unit():
+    stand = load_stand("ema")
+    calibration = learned(stand)
+    known = relations(stand, calibration)
+    terms = known.reading_terms(calibration.parameters)
+    assert "parity_drive" in known.differing
+    assert {term.residual for term in terms} == {"parity_mechanical", "parity_electrical"}
+    units = {UNIT_PARAMETERS[k] for term in terms for k in term.units}
+    assert {"winding_resistance_ohm", "coulomb_friction_n"} <= units
+    assert "drive_gain" not in units
+
+
 def test_a_coefficient_on_what_the_residual_does_not_read_is_refused():
     calibration = learned(load_stand())
     shift = replace(calibration.shifts[0], name="parity_mechanical", along="motor_voltage")

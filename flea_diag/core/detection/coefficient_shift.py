@@ -1,0 +1,278 @@
+"""Shift of a coefficient of a residual on a reading, whatever its unit's parameters are.
+
+What units differ by is constant within a run but does not look so: a resistance of its own moves
+the residual with the current. A test of means must allow for that by the tolerances, which hide
+what a change within the run does. So the run tells its unit's parameters eta itself. With
+psi = d r / d eta, scaled by the tolerances, a reading y and white noise e,
+
+    r = psi' eta + b y [within the last w] + e,   eta ~ N(0, 1),
+
+b and its error follow from least squares over the window and what came before it:
+
+    z = (sum y r - h' A^-1 g) / (sigma sqrt(D)),   D = sum y^2 - h' A^-1 h,
+    A = sum psi psi' + sigma^2,   g = sum psi r,   h = sum psi y,
+
+sums with y over the last w, the others over both. From a detection on what came before is frozen.
+Sums are taken over bins of scans, so blocks of scans and single ones give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.detection.mean_shift import (
+    GAP_S,
+    LEAST_ALWAYS_S,
+    LEAST_S,
+    REFERENCE_S,
+    SHIFT_WINDOWS_S,
+    MeanShiftLimit,
+)
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows, ResidualSet
+from flea_diag.core.running_mean import summed_in_order
+from flea_diag.core.scan_counts import ScanCounts
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+
+COEFFICIENT_WINDOWS_S = (*SHIFT_WINDOWS_S, 8.0, 16.0)
+"""A small change that stays has its power in long windows."""
+BIN_S = 0.5
+"""Time in which samples count as one independent sample, and by which windows move on."""
+LEAST_LEFT = 1e-6
+"""Share of a reading that its unit's parameters must leave, against rounding."""
+_MOST = 100  # bins between two moves of the store
+
+
+class CoefficientShift:
+    """Shifts of the coefficients of one residual on some readings; constant memory.
+
+    Of ``units`` parameters of the unit and ``readings`` readings; ``sigma`` is the noise of a
+    sample, ``gated`` whether samples in motion alone are to be used.
+    """
+
+    def __init__(
+        self, units: int, readings: int, sigma: float, gated: bool, *, counts: ScanCounts
+    ) -> None:
+        self._units, self._readings = units, readings
+        self._bin, self._gap, self._longest = counts.of(BIN_S), 0, counts.of(GAP_S)
+        self._variance = sigma**2 * self._bin
+        self._bins = np.array([round(time_s / BIN_S) for time_s in COEFFICIENT_WINDOWS_S])
+        self._reference = round(REFERENCE_S / BIN_S)
+        self._least = round((LEAST_S if gated else LEAST_ALWAYS_S) / BIN_S)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        width = self._units + 2 + self._readings
+        self._sums = np.zeros((1, width, width))
+        """Products of psi, 1, residual and readings, summed up to the end of each bin."""
+        self._pending = np.zeros((0, width - 1))
+        self._last = np.full((2, self._readings, len(self._bins)), np.nan)
+        self._frozen: Array | None = None
+
+    def freeze(self) -> None:
+        """Hold every window against what has come before it until now."""
+        self._frozen = self._before(len(self._sums) - 1 - self._bins)
+
+    def step(self, rows: Array, use: Flags) -> Array:
+        """Z after each of n scans, and the shift in the unit of the residual, signed as b y is now.
+
+        Shape (n, 2, readings, windows), NaN where there is too little. ``rows``, shape
+        (n, units + 1 + readings), are psi, the residual and the readings; ``use`` says which count.
+        Where the residual is missing for longer than ``GAP_S`` its channel was not to be trusted:
+        all begins anew after it.
+        """
+        found = np.empty((len(rows), *self._last.shape))
+        scans, missing = np.arange(len(rows)), np.isnan(rows[:, self._units])
+        seen = np.maximum.accumulate(np.where(missing, -1 - self._gap, scans))
+        self._gap = int(scans[-1] - seen[-1])
+        lost, use = scans - seen > self._longest, use & ~missing
+        edges = np.flatnonzero(lost[1:] != lost[:-1]) + 1
+        for part in np.split(scans, edges):
+            if lost[part[0]]:
+                self.clear()
+                found[part] = np.nan
+            else:
+                found[part] = self._follow(rows[part], use[part])
+        return found
+
+    def _follow(self, rows: Array, use: Flags) -> Array:
+        """Scans that have a residual."""
+        full = (len(self._pending) + np.cumsum(use)) // self._bin
+        ends = self._add(rows[use])
+        if not len(ends):
+            return np.broadcast_to(self._last, (len(rows), *self._last.shape))
+        found = np.concatenate((self._last[None], self._shifts(ends)))
+        self._last = found[-1]
+        kept = self._reference + int(self._bins.max()) + 1
+        if len(self._sums) > kept + _MOST:
+            self._sums = self._sums[-kept:].copy()
+        return np.asarray(found[full])
+
+    def _add(self, taken: Array) -> Counts:
+        """Fill bins; the places of the full ones among the sums."""
+        rows = np.concatenate((self._pending, taken))
+        count, first = len(rows) // self._bin, len(self._sums)
+        self._pending = rows[count * self._bin :].copy()
+        if count:
+            rows = np.insert(rows[: count * self._bin], self._units, 1.0, axis=1)
+            products = (rows[:, :, None] * rows[:, None, :]).reshape(count, self._bin, -1)
+            # One after the other, however many come at once.
+            bins = np.add.accumulate(products, axis=1)[:, -1].reshape(count, *self._sums.shape[1:])
+            added = np.add.accumulate(np.concatenate((self._sums[-1:], bins)), axis=0)
+            self._sums = np.concatenate((self._sums, added[1:]))
+        return np.arange(first, len(self._sums))
+
+    def _before(self, begins: Counts) -> Array:
+        """Sums of what lies before windows that begin there, NaN where that is too little."""
+        near, far = (self._sums[np.maximum(b, 0)] for b in (begins, begins - self._reference))
+        enough = np.minimum(begins, self._reference) >= self._least
+        return np.where(enough[..., None, None], near - far, np.nan)
+
+    def _shifts(self, ends: Counts) -> Array:
+        """Z and shifts at the ends of these bins, shape (bins, 2, readings, windows)."""
+        k, begins = self._units, ends[:, None] - self._bins
+        last = self._sums[ends][:, None] - self._sums[np.maximum(begins, 0)]
+        before = self._before(begins) if self._frozen is None else self._frozen
+        every = np.where((begins >= 0)[..., None, None], before + last, np.nan)
+        known = np.isfinite(every[..., 0, 0])
+        every[~known] = 0.0
+        own = every[..., :k, :k] + self._variance * np.eye(k)
+        along = last[..., :k, k + 2 :]
+        weights = np.linalg.solve(own, along)
+        top = last[..., k + 1, k + 2 :] - _over_units(weights * every[..., :k, k + 1, None])
+        square = np.diagonal(last[..., k + 2 :, k + 2 :], axis1=-2, axis2=-1)
+        left = square - _over_units(weights * along)
+        known = known[..., None] & (left > LEAST_LEFT * square)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = top / np.sqrt(self._variance * left)
+            shift = top / left * np.sqrt(square / (self._bins[:, None] * self._bin))
+        now = self._sums[ends, k, k + 2 :] - self._sums[ends - 1, k, k + 2 :]
+        side = np.where(now < 0.0, -1.0, 1.0)[:, None]
+        found = np.where(known[:, None], np.stack((side * z, side * shift), axis=1), np.nan)
+        return found.swapaxes(-1, -2)
+
+
+def _over_units(values: Array) -> Array:
+    """Sums over the last axis but one, in order."""
+    sums = np.zeros((*values.shape[:-2], values.shape[-1]))
+    for unit in range(values.shape[-2]):
+        sums = sums + values[..., unit, :]
+    return sums
+
+
+class CoefficientTests:
+    """The coefficients that a calibration has limits for, on a stream of residuals.
+
+    ``tests`` holds the column and the reading of each.
+    """
+
+    def __init__(
+        self,
+        known: ResidualSet,
+        limits: Sequence[MeanShiftLimit],
+        tolerance: Sequence[float],
+        terms: Sequence[ReadingTerm],
+        counts: ScanCounts,
+        between: Mapping[str, float],
+        metric: Array,
+    ) -> None:
+        self.windows = tuple(counts.of(time_s) for time_s in COEFFICIENT_WINDOWS_S)
+        wanted = {(limit.name, limit.along) for limit in limits}
+        terms = [term for term in terms if (term.residual, term.channel) in wanted]
+        self.tests = [(known.place[term.residual], term.channel) for term in terms]
+        self.k = np.full((len(terms), len(self.windows)), np.nan)
+        sigmas = {}
+        for limit in limits:
+            test = known.place[limit.name], limit.along
+            self.k[self.tests.index(test), self.windows.index(limit.window)] = limit.k
+            sigmas[limit.name] = limit.sigma
+        self._groups = [
+            _Group(
+                known,
+                [term for term in terms if term.residual == name],
+                tolerance,
+                sigma,
+                counts,
+                metric * np.sqrt(between.get(name, 0.0)),
+            )
+            for name, sigma in sigmas.items()
+        ]
+        order = [(known.place[t.residual], t.channel) for g in self._groups for t in g.terms]
+        self._order = [order.index(test) for test in self.tests]
+
+    def step(
+        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array | None
+    ) -> tuple[Array, Array]:
+        """Z and shifts after each of n scans, each of shape (n, tests, windows).
+
+        ``change`` of the unit's parameters is in the residuals, ``leverage``, shape
+        (n, residuals), beyond the reach: what was not calibrated there is none of the unit.
+        ``loads`` are as in ``MeanShiftTest.step``.
+        """
+        found = [group.step(rows, change, leverage, loads) for group in self._groups]
+        joined = np.concatenate(found, axis=2)[:, :, self._order]
+        return joined[:, 0], joined[:, 1]
+
+    def turn(self, opened: bool) -> None:
+        """An episode has opened: freeze what came before. Or closed: begin anew."""
+        for group in self._groups:
+            group.shift.freeze() if opened else group.shift.clear()
+
+
+def neglected_by(loads: Array | None, weights: Array, count: int) -> Array:
+    """What a residual neglects may follow each load, shape (n, loads); 0 where one is not read."""
+    known = np.zeros((count, len(weights))) if loads is None else np.nan_to_num(loads)
+    found = np.zeros((count, len(weights)))
+    for place, column in enumerate(weights.T):
+        found[:, place] = summed_in_order(known * column)
+    return found
+
+
+class _Group:
+    """Coefficients of one residual."""
+
+    def __init__(
+        self,
+        known: ResidualSet,
+        terms: Sequence[ReadingTerm],
+        tolerance: Sequence[float],
+        sigma: float,
+        counts: ScanCounts,
+        neglected: Array,
+    ) -> None:
+        self._neglected = neglected
+        self.terms, self._column = terms, known.place[terms[0].residual]
+        self._place = known.spreading.index(self._column)
+        self._units = list(terms[0].units)
+        self._tolerance = np.array(tolerance)[self._units]
+        self._signals, self._zeros = [t.signal for t in terms], [t.zero for t in terms]
+        self._gated = known.rows[self._column].gate == "moving"
+        self.shift = CoefficientShift(
+            len(self._units) + len(neglected), len(terms), sigma, self._gated, counts=counts
+        )
+
+    def step(
+        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array | None
+    ) -> Array:
+        """``CoefficientShift.step`` of these rows."""
+        spread = rows.spread[:, self._place]
+        learned = summed_in_order(spread * change)
+        made = np.concatenate(
+            (
+                spread[:, self._units] * self._tolerance,
+                neglected_by(loads, self._neglected, len(rows)),
+                (rows.values[:, self._column] - learned)[:, None],
+                rows.signals[:, self._signals] - self._zeros,
+            ),
+            axis=1,
+        )
+        use = rows.moving | (not self._gated)
+        if leverage is not None:
+            use = use & (leverage[:, self._column] <= 0.0)
+        return self.shift.step(made, use & np.isfinite(made).all(axis=1))
