@@ -39,8 +39,14 @@ Array = npt.NDArray[np.float64]
 PERIOD_S = (1e-4, 1.0)
 """Times between scans that a calibration may have."""
 
-LATER_PARAMETERS = ("supply_voltage_v", "coupling_compliance_m_per_n", "coupling_play_m")
-"""Parameters that only some actuators have; 0 where a file lacks them."""
+LATER_PARAMETERS = (
+    "supply_voltage_v",
+    "coupling_compliance_m_per_n",
+    "coupling_play_m",
+    "position_gain",
+)
+"""Parameters that only some actuators have; neutral where a file lacks them."""
+NEUTRAL = ActuatorParameters()
 SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage", "units")
 """Entries that older files lack; without them a calibration is the same as such a file."""
 
@@ -150,7 +156,7 @@ class Calibration(Frozen):
         plain["observer_noise"] = self.observer_noise.to_mapping()
         plain["shifts"] = [limit.to_mapping() for limit in self.shifts]
         for name in LATER_PARAMETERS:
-            if not plain["parameters"][name]:
+            if plain["parameters"][name] == getattr(NEUTRAL, name):
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
         for name in LATER_TOLERANCES:
             if not plain["tolerance"][name]:

@@ -326,7 +326,8 @@ def _position(fit: _Fit) -> None:
     """Two positions of one part; what lies between them stretches under the load."""
     data, result, name = fit.data, fit.result, "position_offset_m"
     held = [row for row in fit.relations.relations if name in symbols(row.expression)]
-    result.missing(["coupling_play_m"], "no more than what units differ by; the description's")
+    alike = "no more than what units differ by; the description's"
+    result.missing(["coupling_play_m", "position_gain"], alike)
     stretch = "coupling_compliance_m_per_n"
     if held and stretch in symbols(held[0].expression):
         use = np.ones(len(data.run), dtype=bool)

@@ -50,6 +50,7 @@ class ActuatorParameters(Frozen):
     supply_voltage_v: float = 0.0
     coupling_compliance_m_per_n: NotNegative = 0.0
     coupling_play_m: NotNegative = 0.0
+    position_gain: Positive = 1.0
 
     @property
     def moving_m_s(self) -> float:
@@ -84,6 +85,7 @@ class UnitTolerance(Frozen):
     drive_gain: NotNegative = 0.0
     drive_offset_v: NotNegative = 0.0
     position_offset_m: NotNegative = 0.0
+    position_gain: NotNegative = 0.0
 
 
 UNIT_PARAMETERS = tuple(
@@ -92,7 +94,13 @@ UNIT_PARAMETERS = tuple(
 """Parameters in which healthy units of one design differ."""
 ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v", "position_offset_m")
 """Those of them that differ from day to day: no mark of a unit."""
-LATER_TOLERANCES = ("force_constant_n_per_a", "drive_gain", "drive_offset_v", "position_offset_m")
+LATER_TOLERANCES = (
+    "force_constant_n_per_a",
+    "drive_gain",
+    "drive_offset_v",
+    "position_offset_m",
+    "position_gain",
+)
 """The last of them, which older calibrations lack and only some descriptions state."""
 
 

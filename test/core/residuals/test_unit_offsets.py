@@ -51,7 +51,16 @@ def test_it_agrees_with_least_squares_with_the_prior_as_rows():
     residual = random.standard_normal(40)
     learning.add(residual, sensitivity, 0.25)
     wide = np.array(
-        [300.0, 3750.0, 450.0, 9.0, 120.0, TOLERANCE.voltage_offset_v, 0.15, *[LEAST] * 3]
+        [
+            300.0,
+            3750.0,
+            450.0,
+            9.0,
+            120.0,
+            TOLERANCE.voltage_offset_v,
+            0.15,
+            *[LEAST] * (len(UNIT_PARAMETERS) - 7),
+        ]
     )
     A = np.vstack((sensitivity / 0.5, np.diag(1 / wide)))
     x = np.linalg.lstsq(A, np.concatenate((-residual / 0.5, np.zeros(len(wide)))), rcond=None)[0]
