@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from support.models.hand_relations import catalogue_effects, slope_relations
 from support.observed import flea_parameters
 
@@ -14,7 +15,9 @@ BASIS = EFFECTS.basis_of(flea_parameters())
 RESIDUALS = (MECHANICAL, ELECTRICAL)
 SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
 SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}
-TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15, *[1e-6] * 4, 0.03, 0.03, 0.03)
+DIFFERING = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15)
+ALIKE = [1e-6] * (len(UNIT_PARAMETERS) - len(DIFFERING))
+TOLERANCE = (*DIFFERING, *ALIKE, 0.03, 0.03, 0.03)
 INFINITE = float("inf")
 DRAG = FaultModel(
     "drag",
