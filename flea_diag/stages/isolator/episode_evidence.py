@@ -24,8 +24,9 @@ from flea_diag.wire.blocks import ResidualBlock
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-STANDING_S = 1.0
-"""Time at a standstill against a push that counts as one scan. An assumption."""
+STANDING_S = 0.3
+"""Time at a standstill against a push that counts as one scan. An assumption: by far longer than a
+scan, and short enough for a jam that mostly stands to be told from a bias."""
 MOVED_S = 0.5
 """Time in motion since the detection after which a channel counts as alive."""
 
