@@ -167,8 +167,7 @@ def loaded(trace: Trace, envelope: CalibrationEnvelope | None, relations: Relati
     if not len(metric):
         return trace
     basis = LeverageBasis(relations)
-    first = basis.starts[list(basis.names).index(PLACE)] + 1
-    loads = basis.rows(trace.signals, trace.position)[:, first : first + len(metric)]
+    loads = basis.rows(trace.signals, trace.position)[:, basis.loads(metric)]
     return replace(trace, loads=np.nan_to_num(loads) @ metric)
 
 

@@ -111,8 +111,7 @@ class EnvelopeWatch:
         self._far = np.array([*far, *(ABSTAIN for _ in stores)])
         self._least = np.minimum(self._reach, self._far)
         self._starts = np.array(self._basis.starts)
-        start = self._basis.starts[list(self._basis.names).index(PLACE)] + 1
-        self._loads = slice(start, start + len(known.load_metric))
+        self._loads = self._basis.loads(known.load_metric)
         self._supply = SupplyMean(relations, parameters, period_s)
         self._most = np.array([known.supplies.get(name, np.inf) for name in stores])
         self._known = table = relations.residuals

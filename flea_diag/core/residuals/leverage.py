@@ -139,6 +139,11 @@ class LeverageBasis:
         read = dict.fromkeys(s for row in rows for basis in row for s in symbols(basis))
         return tuple(s for s in read if s not in other and not channel_of(s)[1])
 
+    def loads(self, metric: Array) -> slice:
+        """Columns of the loads in ``PLACE``: as many as the metric of the recordings knows."""
+        first = self.starts[list(self.names).index(PLACE)] + 1
+        return slice(first, first + len(metric))
+
     def rows(self, signals: Array, position: Array) -> Array:
         """Psi of all relations side by side, shape (n, columns).
 
