@@ -6,8 +6,9 @@ the live graph passes single records.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,14 @@ class ScanBlock:
     def part(self, which: slice) -> ScanBlock:
         """Some of these scans."""
         return ScanBlock(self.stamps_ns[which], self.channels, self.values[which])
+
+    @staticmethod
+    def joined(blocks: Sequence[ScanBlock]) -> Iterator[ScanBlock]:
+        """Blocks that follow each other, those of the same channels as one."""
+        for channels, some in groupby(blocks, key=lambda block: block.channels):
+            parts = list(some)
+            stamps_ns = np.concatenate([part.stamps_ns for part in parts])
+            yield ScanBlock(stamps_ns, channels, np.concatenate([part.values for part in parts]))
 
     def records(self) -> Iterator[Scan]:
         """The scans one by one."""

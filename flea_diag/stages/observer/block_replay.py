@@ -16,7 +16,7 @@ from flea_diag.wire.blocks import ScanBlock
 LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
 MOST_BLOCKS = 64
-"""Most blocks to repeat after an event: live, where a block has a few scans, some 15 ms."""
+"""Most blocks to repeat after an event: live, where a block has a few scans, seconds of them."""
 
 
 @dataclass
@@ -42,10 +42,13 @@ class Checkpoint:
         return self.scans >= MOST_SCANS or len(self.blocks) >= MOST_BLOCKS
 
     def restored(self) -> ObserverChain:
-        """The state after the last quiet block."""
+        """The state after the last quiet block, repeated in as few blocks as the chain takes."""
         chain = state_copy(self.chain)
-        for block in self.blocks:
-            chain.follow(block)
+        for rest in ScanBlock.joined(self.blocks):
+            while len(rest):
+                count = chain.leading(rest)
+                chain.follow(rest.part(slice(count)))
+                rest = rest.part(slice(count, None))
         return chain
 
 

@@ -11,7 +11,13 @@ from support.observer_scans import jammed
 
 from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
-from flea_diag.stages.observer.block_replay import LEAST_SCANS, MOST_BLOCKS, BlockReplay
+from flea_diag.core.state_copy import state_copy
+from flea_diag.stages.observer.block_replay import (
+    LEAST_SCANS,
+    MOST_BLOCKS,
+    BlockReplay,
+    Checkpoint,
+)
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.wire.blocks import ScanBlock
@@ -89,3 +95,22 @@ def test_live_blocks_of_a_few_scans_leave_little_to_repeat_after_an_event():
     assert at == event
     assert len(kept) > MOST_BLOCKS == max(kept)
     assert chain.order.last_ns == jammed()[event - 1].stamp_ns
+
+
+def test_what_came_in_small_blocks_is_repeated_as_one(monkeypatch):
+    chain, few, calls = warm(), 5, []
+    checkpoint = Checkpoint(state_copy(chain))
+    for at in range(START, START + 20 * few, few):
+        chain.follow(block(at, at + few))
+        checkpoint.take(block(at, at + few))
+    follow = ObserverChain.follow
+    monkeypatch.setattr(
+        ObserverChain, "follow", lambda self, part: calls.append(len(part)) or follow(self, part)
+    )
+    again = checkpoint.restored()
+    assert calls == [20 * few]
+    monkeypatch.undo()
+    coming = block(START + 20 * few, START + 21 * few)
+    (_, expected), (_, found) = chain.follow(coming), again.follow(coming)
+    assert found.regressors.tobytes() == expected.regressors.tobytes()
+    assert found.results.table.tobytes() == expected.results.table.tobytes()
