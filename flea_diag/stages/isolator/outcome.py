@@ -114,7 +114,7 @@ class OutcomeRules:
     def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
         """Relations that the most likely hypothesis does not fit, if no other fits either."""
         evidence = episode.evidence.equations
-        each = (self._fit.misfits(evidence, h.fit) if h.fit else () for h in alive)
+        each = (self._fit.misfits(evidence, h.fault, h.fit) if h.fit else () for h in alive)
         left = list(takewhile(bool, each))
         return left[0] if len(left) == len(alive) else ()
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import stands
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
-from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, MeanScatter
+from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, MeanScatter, Misfit
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.fit import Fit
@@ -39,11 +40,14 @@ BOTH = FaultModel(
 FIRST = FaultModel("first", (Size("size", "1", -9.0, 9.0),), (Term(NAMES[0], "one", 1.0),))
 
 
-def evidence(levels: tuple[float, float], step: int = FOLD) -> tuple[NormalEquations, np.ndarray]:
-    """Two relations at these levels, with white noise of the nominal scatter."""
+def evidence(
+    levels: tuple[float, float], step: int = FOLD, wave: float = 0.0
+) -> tuple[NormalEquations, np.ndarray]:
+    """Two relations at these levels, the first with a wave, and white noise as in healthy ones."""
     noise = np.random.default_rng(4).normal(0.0, SIGMA * math.sqrt(FOLD), (BLOCKS * FOLD, 2))
     y = np.array(levels) + noise
     phi = np.stack((np.ones(len(y)), np.sin(0.01 * np.arange(len(y)))), axis=1)
+    y[:, 0] += wave * phi[:, 1]
     found = NormalEquations(NAMES, BASIS)
     for start in range(0, len(y), step):
         found.add(y[start : start + step], phi[start : start + step])
@@ -56,10 +60,16 @@ def fitted(known: NormalEquations, model: FaultModel) -> Fit:
     return fit
 
 
-def poor(levels: tuple[float, float], model: FaultModel) -> list[str]:
-    known, _ = evidence(levels)
-    rows = GoodnessOfFit(CALIBRATION).misfits(known, fitted(known, model))
-    return [row.residual for row in rows]
+def misfits(known: NormalEquations, model: FaultModel, fault: str = "jam") -> tuple[Misfit, ...]:
+    faults = stands.knowledge().faults
+    return GoodnessOfFit(CALIBRATION).misfits(known, faults[fault], fitted(known, model))
+
+
+def poor(
+    levels: tuple[float, float], model: FaultModel, fault: str = "jam", wave: float = 0.0
+) -> list[str]:
+    known, _ = evidence(levels, wave=wave)
+    return [row.residual for row in misfits(known, model, fault)]
 
 
 def test_a_fault_that_explains_what_deviates_fits() -> None:
@@ -76,9 +86,16 @@ def test_a_relation_that_the_fault_should_move_and_that_stays_quiet_is_named() -
     assert "another" in poor((3.0, 0.0), BOTH)
 
 
+@pytest.mark.parametrize(("fault", "words"), [("jam", []), ("load_force_bias", [NAMES[0]])])
+def test_an_error_of_a_reading_leaves_less_than_a_drag_may(fault: str, words: list[str]) -> None:
+    # A third of it, as root mean squares: as a slip of the gear leaves of a scaled position.
+    assert poor((8.0, 0.0), FIRST, fault, wave=4.0) == words
+    assert poor((8.0, 0.0), FIRST, fault, wave=2.0) == []
+
+
 def test_what_is_left_is_said_in_healthy_scatters() -> None:
     known, y = evidence((3.0, 3.0))
-    (row,) = GoodnessOfFit(CALIBRATION).misfits(known, fitted(known, FIRST))
+    (row,) = misfits(known, FIRST)
     means = y[:, 1].reshape(BLOCKS, FOLD).mean(axis=1)
     assert row.scatter == pytest.approx(math.sqrt(np.mean(means**2)) / SIGMA)
     assert row.scatter > row.limit
