@@ -12,6 +12,7 @@ stated false-alarm rate. (Z-test: Mosterman and Biswas 1999; Narasimhan et al. 2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,17 +37,19 @@ class TestResults:
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
-    scan. ``way``, shape (2, n): direction of motion and for how many scans in motion it has lasted,
+    scan. ``growth``, shape (n, residuals): factor by which limits have grown, None where none has.
+    ``way``, shape (2, n): direction of motion and for how many scans in motion it has lasted,
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
 
-    __slots__ = ("along", "directed", "k", "shift", "table", "void", "way", "window", "z")
+    __slots__ = ("along", "directed", "growth", "k", "shift", "table", "void", "way", "window", "z")
 
     def __init__(self, residuals: int, scans: int = 1) -> None:
         table = np.empty((4, scans, residuals))
         table.fill(np.nan)
         self.table, self.void = table[:3], False
         self.along: dict[int, str] = {}
+        self.growth: Array | None = None
         self.z, self.k, self.window, self.shift = table
         self.window.fill(0.0)
         self.way, self.directed = np.zeros((2, scans)), frozenset[int]()
@@ -65,8 +68,14 @@ class TestResults:
         return beyond
 
     def test(self, index: int) -> tuple[float, Test]:
-        """Statistic after the first scan, and the test that it belongs to."""
+        """Statistic after the first scan, and the test that it belongs to.
+
+        In sigmas of what was calibrated: a limit that grows makes no deviation smaller. A shift
+        is tested by limits that do not.
+        """
         z, k, window = self.table[:, 0, index].tolist()
+        if self.growth is not None and math.isnan(self.shift[0, index]):
+            z *= float(self.growth[0, index])
         return z, (window, k, float(self.direction(index)[0]))
 
     def symbol(self, index: int) -> str:

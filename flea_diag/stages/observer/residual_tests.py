@@ -61,7 +61,9 @@ class ResidualTests:
         """
         if self._disabled:
             residuals.values[:, self._disabled] = np.nan
-        results = self._z_tests.step(self._scaled(residuals, place.factor()))
+        growth = place.factor()
+        results = self._z_tests.step(self._scaled(residuals, growth))
+        results.growth = growth
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;

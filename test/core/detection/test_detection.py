@@ -177,3 +177,10 @@ def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
     assert np.isfinite(numpy).mean() > 0.2
     np.testing.assert_array_equal(run("numba", [1000, 500, 1000]), numpy)
     np.testing.assert_array_equal(run("numba", [1] * scans), numpy)
+
+
+def test_a_limit_that_grows_makes_no_deviation_smaller():
+    found = TestResults(len(FLEA.rows), 2)
+    found.z[:, :2], found.growth = 4.0, np.full((2, len(FLEA.rows)), 1.5)
+    found.shift[:, 1] = 0.3  # its limit does not grow
+    assert [found.test(j)[0] for j in (0, 1)] == [6.0, 4.0]

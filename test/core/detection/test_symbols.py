@@ -28,6 +28,9 @@ def test_the_magnitude_is_the_sign_at_the_crossing(z, magnitude):
         (-5.0, -9.3, 3.0, "-"),
         (-5.0, -0.7, 3.0, "+"),
         (5.0, math.nan, 2.0, "?"),
+        # A jump of a hundred sigmas that wanders by a fifth has not risen.
+        (100.0, 120.0, 2.0, "0"),
+        (-100.0, -70.0, 2.0, "+"),
     ],
 )
 def test_the_slope_is_decided_later(at_crossing, now, after_s, slope):
