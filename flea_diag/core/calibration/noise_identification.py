@@ -132,7 +132,8 @@ def _cost(
     """
     try:
         with np.errstate(invalid="ignore"):
-            return _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
+            found = _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
+            return found if math.isfinite(found) else math.inf
     except np.linalg.LinAlgError:
         return math.inf
 
@@ -154,7 +155,7 @@ def _mean_cost(
             np.random.default_rng(0),
             noise=noise,
             voltage_sampling=voltage_sampling,
-            kind="kalman",
+            kind="kalman_loops",
         )
         found = observer.follow(rows)
         seen = found.sigmas[SETTLE_SCANS:] > 0.0
