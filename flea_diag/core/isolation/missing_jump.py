@@ -28,11 +28,11 @@ PIECE_S = 1.0
 PIECES = 60
 """How many are kept: an error came up within a minute, even if the actuator has rested since."""
 WATCHED_S = 4.0
-"""Time in motion before the detection that must be known, as long as the longest window of a test:
-what began before that would have been detected."""
-SEEN_SHARE = 0.5
-"""A reading that has jumped by less than this share of an error has not taken it on: what noise
-takes from a jump, and what a fitted size is off by, is less. An assumption."""
+"""Time in motion before the detection in which an error came up, as long as the longest window of a
+test: what began before that would have been detected."""
+SEEN_SHARE = 0.9
+"""A reading whose jumps range over less than this share of an error has not taken it on: what a
+fitted size is off by, is less. An assumption."""
 SIGMAS = 2.0
 """Standard errors by which a fitted size may be too large."""
 LOST_PERIODS = 2.5
@@ -41,9 +41,11 @@ LOST_PERIODS = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """The largest jump of a reading, in its unit and as a share of the reading after it.
+    """Range of the jumps of a reading, in its unit and as a share of the reading after each.
 
-    NaN where a reading is missing.
+    Motion may take from the jump of an error, but no more than the reading jumps the other way
+    elsewhere: the largest jump up and the largest one down make up the error together. NaN where a
+    reading is missing.
     """
 
     size: float
@@ -52,7 +54,7 @@ class Jump:
 
 @dataclass(frozen=True, slots=True)
 class JumpPiece:
-    """Largest jumps and shares of some scans, shape (2, readings), last stamp, scans in motion."""
+    """Largest jumps up and down, and shares, of some scans; their last stamp, scans in motion."""
 
     largest: Array
     until_ns: int
@@ -97,15 +99,18 @@ class JumpMemory:
         rows, stamps_ns = self._rows[: self._count], self._stamps_ns[: self._count + 1]
         jumps, readings = rows[:, self._jumps], rows[:, self._places]
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = np.abs(jumps / (readings + jumps))
+            shares = jumps / (readings + jumps)
         # One that is not known makes the largest of them unknown.
-        largest = np.maximum.reduce(np.stack((np.abs(jumps), shares)), axis=1)
+        largest = np.maximum.reduce(np.stack((jumps, -jumps, shares, -shares)), axis=1)
         if (np.diff(stamps_ns) > self._lost_ns).any():
             largest[:] = np.nan
         return JumpPiece(largest, int(stamps_ns[-1]), int((rows[:, -1] > 0.5).sum()))
 
-    def largest(self, detected_ns: int) -> Mapping[str, Jump]:
-        """Of each reading the largest jump; none if too little is known before the detection."""
+    def largest(self, detected_ns: int, until_ns: int) -> Mapping[str, Jump]:
+        """Of each reading the jumps by which an error may have begun until then.
+
+        None if too little is known before the detection.
+        """
         pieces = [*self._pieces, self._piece()] if self._count else list(self._pieces)
         before, near = 0, len(pieces)
         while near and before < self._watched:
@@ -113,9 +118,9 @@ class JumpMemory:
             before += pieces[near].moving if pieces[near].until_ns <= detected_ns else 0
         if before < self._watched:
             return {}
-        sizes = np.maximum.reduce([piece.largest[0] for piece in pieces])
-        shares = np.maximum.reduce([piece.largest[1] for piece in pieces[near:]])
-        rows = zip(self._readings, sizes.tolist(), shares.tolist(), strict=True)
+        end = sum(piece.until_ns <= until_ns for piece in pieces) + 1
+        up, down, more, less = np.maximum.reduce([piece.largest for piece in pieces[near:end]])
+        rows = zip(self._readings, (up + down).tolist(), (more + less).tolist(), strict=True)
         return {name: Jump(size, share) for name, size, share in rows}
 
 

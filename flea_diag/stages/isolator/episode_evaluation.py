@@ -57,9 +57,11 @@ class EpisodeEvaluation:
 
     def _require_jumps(self, stamp_ns: int, episode: FaultEpisode) -> None:
         """Drop errors whose jump is missing, unless they may be older than this run."""
-        if not self._stand.is_early(episode.shared.detected_ns):
-            jumps = self._jumps.largest(episode.shared.detected_ns)
-            episode.isolation.require_jumps(stamp_ns, jumps)
+        detected_ns = episode.shared.detected_ns
+        if not self._stand.is_early(detected_ns):
+            # An episode that vibration opened says nothing of when the error came up.
+            until_ns = stamp_ns if episode.shared.opened_by_vibration else detected_ns
+            episode.isolation.require_jumps(stamp_ns, self._jumps.largest(detected_ns, until_ns))
 
     def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
         fits = self._quantitative.fits(episode)

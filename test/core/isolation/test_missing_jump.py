@@ -34,57 +34,76 @@ def remembered(content: np.ndarray, stamps_ns: np.ndarray = STAMPS_NS) -> JumpMe
     return memory
 
 
-def test_the_largest_jump_is_remembered_with_its_share_of_the_reading():
-    found = remembered(rows(at=700)).largest(int(STAMPS_NS[800]))
-    assert found["load_force"] == Jump(50.0, 50.0 / 150.0)
+def largest(memory: JumpMemory, detected: int = 800, until: int = 800) -> Jump | None:
+    start_ns = int(STAMPS_NS[0])
+    found = memory.largest(start_ns + 10_000_000 * detected, start_ns + 10_000_000 * until)
+    return found.get("load_force")
 
 
-def test_of_shares_those_count_that_are_not_older_than_a_test():
-    found = remembered(rows(at=100)).largest(int(STAMPS_NS[800]))["load_force"]
-    assert (found.size, found.share) == (50.0, pytest.approx(0.5 / 100.5))
+SMALL = 0.5 / 100.5
+
+
+@pytest.mark.parametrize(
+    ("jump", "size", "share"),
+    [(50.0, 49.5, 50.0 / 150.0 - SMALL), (-50.0, 50.5, SMALL + 50.0 / 50.0)],
+)
+def test_jumps_are_remembered_with_what_motion_may_take_from_them(jump, size, share):
+    found = largest(remembered(rows(at=700, jump=jump)))
+    assert (found.size, found.share) == (size, pytest.approx(share))
+    assert largest(remembered(rows())) == Jump(0.0, 0.0)
+
+
+@pytest.mark.parametrize("at", [100, 950])
+def test_those_count_that_are_neither_older_than_a_test_nor_later_than_told(at):
+    assert largest(remembered(rows(at=at))) == Jump(0.0, 0.0)
+    assert largest(remembered(rows(at=at)), until=960).size == (49.5 if at > 800 else 0.0)
+
+
+def test_those_count_from_before_a_rest():
+    content = np.concatenate((rows(), rows(at=100)))
+    content[SCANS + 200 : SCANS + 700, -1] = 0.0
+    memory = remembered(content, int(STAMPS_NS[0]) + 10_000_000 * np.arange(2 * SCANS))
+    assert largest(memory, 1800, 1800).size == 49.5
 
 
 def test_nothing_is_known_too_soon_at_rest_or_of_an_older_observer():
-    assert not remembered(rows()).largest(int(STAMPS_NS[300]))
-    assert not remembered(rows(moving=0.0)).largest(int(STAMPS_NS[800]))
-    assert not remembered(rows()[:, :4]).largest(int(STAMPS_NS[800]))
+    assert not largest(remembered(rows()), 300)
+    assert not largest(remembered(rows(moving=0.0)))
+    assert not largest(remembered(rows()[:, :4]))
 
 
 def test_a_jump_may_hide_where_scans_are_lost():
     kept = np.r_[0:500, 503:SCANS]
-    found = remembered(rows()[kept], STAMPS_NS[kept]).largest(int(STAMPS_NS[800]))
-    assert math.isnan(found["load_force"].size)
+    assert math.isnan(largest(remembered(rows()[kept], STAMPS_NS[kept])).size)
 
 
 def test_a_jump_may_hide_where_a_reading_is_missing():
     content = rows()
     content[500, 2] = math.nan
-    found = remembered(content).largest(int(STAMPS_NS[800]))
-    assert math.isnan(found["load_force"].size)
+    assert math.isnan(largest(remembered(content)).size)
 
 
 def test_a_single_lost_scan_hides_none_for_a_jump_lasts_two():
     kept = np.r_[0:500, 501:SCANS]
-    found = remembered(rows()[kept], STAMPS_NS[kept]).largest(int(STAMPS_NS[800]))
-    assert found["load_force"].size == 0.5
+    assert largest(remembered(rows()[kept], STAMPS_NS[kept])).size == 0.0
 
 
 def test_what_is_more_than_a_minute_old_is_forgotten():
-    memory = remembered(rows(at=100))
+    memory = remembered(rows(at=700))
+    assert largest(memory).size == 49.5
     for minute in range(1, 8):
-        memory.add(STAMPS_NS + minute * 10_000_000 * SCANS, rows())
-    found = memory.largest(int(STAMPS_NS[-1]) + 7 * 10_000_000 * SCANS)
-    assert found["load_force"].size == 0.5
+        memory.add(STAMPS_NS + minute * 10_000_000 * SCANS, rows(moving=0.0))
+    assert largest(memory, 7 * SCANS, 7 * SCANS) is None
 
 
 @given(st.lists(st.integers(1, SCANS - 1), max_size=6))
 def test_scans_may_come_in_blocks_of_any_size(cuts):
-    content, detected_ns = rows(at=430), int(STAMPS_NS[800])
+    content = rows(at=430)
     memory = JumpMemory(NAMES, ("load_force",), COUNTS)
     ends = [0, *sorted(set(cuts)), SCANS]
     for a, b in pairwise(ends):
         memory.add(STAMPS_NS[a:b], content[a:b])
-    assert memory.largest(detected_ns) == remembered(content).largest(detected_ns)
+    assert largest(memory) == largest(remembered(content))
 
 
 @dataclass
@@ -101,8 +120,9 @@ class Known:
     ("fault", "size", "jump", "is_missing"),
     [
         ("load_force_bias", -60.0, Jump(9.0, 2.0), True),
-        ("load_force_bias", -60.0, Jump(59.0, 2.0), False),
-        ("load_force_bias", -10.0, Jump(9.0, 2.0), False),
+        ("load_force_bias", -60.0, Jump(51.0, 2.0), True),
+        ("load_force_bias", -60.0, Jump(53.0, 2.0), False),
+        ("load_force_bias", -10.0, Jump(8.0, 2.0), False),
         ("load_force_bias", -60.0, Jump(math.nan, 2.0), False),
         ("load_force_scaling", 8.0, Jump(900.0, 0.1), True),
         ("load_force_scaling", 8.0, Jump(9.0, 7.0), False),
