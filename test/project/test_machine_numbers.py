@@ -32,7 +32,7 @@ GENERAL: dict[Row, str] = {
     ("calibration/noise_identification.py", "PIECE_SCANS", 300): "size of a sample",
     ("calibration/noise_identification.py", "SETTLE_SCANS", 50): "size of a sample",
     ("calibration/power_balance.py", "SMOOTHED_S", 0.2): "longer than the PWM of a drive",
-    ("calibration/thresholds.py", "PIECE_S", 10.0): "size of a sample",
+    ("limits/limit_samples.py", "PIECE_S", 10.0): "size of a sample",
     ("choice/next_test.py", "FEATURE_S", 1.0): "what a test costs the operator",
     ("conditions/arrival.py", "LOOKS_BACK_S", 0.64): "bound of an excuse",
     ("conditions/contact.py", "LONGEST_S", 60.0): "bound of an excuse",

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.limits.window_fit import LEAST_IN_REGION
 from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
 from flea_diag.core.flag_runs import longest_run
 from flea_diag.core.residuals.leverage import (
     PLACE,

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.extreme_value import tail_level
+from flea_diag.core.calibration.limits.extreme_value import tail_level
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
 from flea_diag.core.likelihood_ratio.level_noise import LevelNoise, level_noise
 from flea_diag.core.likelihood_ratio.onset_bank import OnsetBank

@@ -13,14 +13,14 @@ from flea_diag.core.calibration import (
     identification,
     innovation_learning,
     nominal_trace,
-    thresholds,
 )
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.calibration.identification import Identified, RelationsOf
 from flea_diag.core.calibration.innovation_learning import Array, ObserverStatistics
+from flea_diag.core.calibration.limits import thresholds
+from flea_diag.core.calibration.limits.thresholds import LimitFit
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.out_of_sample import LeftOut
-from flea_diag.core.calibration.thresholds import LimitFit
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet

@@ -54,7 +54,7 @@ def _judged(shown: OutOfSample) -> Iterator[str]:
 
 def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[str]:
     """Where the recordings lie, and what would widen that."""
-    from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
+    from flea_diag.core.calibration.limits.window_fit import LEAST_IN_REGION
     from flea_diag.core.residuals.leverage import ABSTAIN, PLACE
 
     yield "envelope: signal                 smallest    largest"

@@ -12,9 +12,9 @@ from support.observed import FLEA_COUNTS, FLEA_TOLERANCE
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.envelope_fit import _conditions, travel_factors, widened
+from flea_diag.core.calibration.limits.thresholds import fit_limits
+from flea_diag.core.calibration.limits.window_fit import LEAST_IN_REGION
 from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.calibration.thresholds import fit_limits
-from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
 
 FLEA = compiled_relations("actuator.yaml").residuals
 NAME = "parity_mechanical"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flea_diag.core.calibration.extreme_value import (
+from flea_diag.core.calibration.limits.extreme_value import (
     LEAST_MAXIMA,
     extreme_value,
     l_moments,

@@ -10,9 +10,9 @@ from support.models import linear_ema as ema
 from support.observed import FLEA_TOLERANCE
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.extreme_value import return_level
+from flea_diag.core.calibration.limits.extreme_value import return_level
+from flea_diag.core.calibration.limits.thresholds import fit_limits, not_nominal
 from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.calibration.thresholds import fit_limits, not_nominal
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ReadingTerm
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.calibration.window_fit import GUARD, WindowStatistic, others_of, window_fit
+from flea_diag.core.calibration.limits.window_fit import (
+    GUARD,
+    WindowStatistic,
+    others_of,
+    window_fit,
+)
 
 
 def drawn(scales: list[float], seed: int = 0) -> list[WindowStatistic]:
