@@ -132,8 +132,7 @@ def _cost(
     """
     try:
         with np.errstate(invalid="ignore"):
-            found = _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
-            return found if math.isfinite(found) else math.inf
+            return _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
     except np.linalg.LinAlgError:
         return math.inf
 
@@ -155,7 +154,7 @@ def _mean_cost(
             np.random.default_rng(0),
             noise=noise,
             voltage_sampling=voltage_sampling,
-            kind="kalman_loops",
+            kind="kalman",
         )
         found = observer.follow(rows)
         seen = found.sigmas[SETTLE_SCANS:] > 0.0

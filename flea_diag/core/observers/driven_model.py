@@ -22,7 +22,6 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.observers.kalman_loops import KALMAN, advance_loops, kalman_loops
 from flea_diag.core.observers.motion_step import (
     MotionCoefficients,
     motion_step,
@@ -243,16 +242,4 @@ def track_of(equations: DrivenEquations) -> Callable[..., tuple[int, int]]:
     heats = backends.bound(equations.functions["supplies"], fabs=np.abs)
     loop = backends.bound(track_loops, motion_step=step[0], supplies=heats)
     made: Callable[..., tuple[int, int]] = backends.compiled(loop, *step, *TRACK, heats)
-    return made
-
-
-@lru_cache(maxsize=8)
-def kalman_of(equations: DrivenEquations) -> Callable[..., tuple[int, int]]:
-    """``kalman_loops`` with the step of these equations, compiled."""
-    step = step_parts(equations)
-    heats = backends.bound(equations.functions["supplies"], fabs=np.abs)
-    advance = backends.bound(advance_loops, motion_step=step[0])
-    parts = [part for part in KALMAN if part is not advance_loops]
-    loop = backends.bound(kalman_loops, advance_loops=advance, supplies=heats)
-    made: Callable[..., tuple[int, int]] = backends.compiled(loop, *step, *parts, advance, heats)
     return made

@@ -7,8 +7,6 @@ the rest a cheap rival behind the same interface. Bar-Shalom et al. 2001, sectio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +44,6 @@ class KalmanFilter:
         """Go on with another model of the same states and channels."""
         self._model = model
         self._ahead = model.h
-        self._compiled: tuple[Array, ...] = ()
 
     @property
     def mean(self) -> Array:
@@ -81,34 +78,6 @@ class KalmanFilter:
             self.diverged = self._consistency.step(nis, len(r))
         row = (prediction, residual, sigma, self._x, (nis, math.inf))
         return Innovation(np.concatenate(row), len(H), len(r), self.diverged)
-
-    def track(
-        self,
-        track: Callable[..., tuple[int, int]],
-        scans: tuple[Array, ...],
-        first: int,
-        motion: tuple[Any, ...],
-        heat: tuple[Any, ...],
-        frozen: bool,
-        begun: bool,
-        out: Array,
-    ) -> tuple[int, int]:
-        """As ``ParticleFilter.track``, by ``kalman_loops``: the same numbers but for rounding."""
-        if not self._compiled:
-            model, known = self._model, (math.nan, 0.0)
-            noises = [[model.process_noise(np.array([v, n])) for n in known] for v in known]
-            parts = model.H, model.h, model.R.diagonal(), noises
-            self._compiled = tuple(np.array(part, order="C") for part in parts)
-        last = first + 1 if begun else len(out)
-        return track(
-            self._x, self._P, scans, first, last, self._compiled, motion, heat, frozen, begun, out
-        )
-
-    def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
-        """Whether the track is lost, for each scan."""
-        lost = self._consistency.follow(nis, measured)
-        self.diverged = lost[-1]
-        return lost
 
     def _correct(self, residual: Array, H: Array, R: Array, S: Array) -> None:
         gain = np.linalg.solve(S, H @ self._P).T

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.driven_model import STATES, WALK, DrivenModel, kalman_of, track_of
+from flea_diag.core.observers.driven_model import STATES, WALK, DrivenModel, track_of
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_block import (
     TOLD,
@@ -40,7 +40,7 @@ from flea_diag.errors import ConfigurationError, shown
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-FILTERS = ("optimal", "bootstrap", "kalman", "kalman_loops")
+FILTERS = ("optimal", "bootstrap", "kalman")
 SAMPLINGS = ("mean", "instant_pwm")
 MEAN, LAST = STATES.index("mean_speed_m_s"), STATES.index("speed_m_s")
 NOISES = 1000.0
@@ -92,8 +92,7 @@ class StateObserver:
     voltage_sampling
         "mean" or "instant_pwm", as the ChannelTable and the calibration say.
     kind
-        "optimal", "bootstrap" (particle filters), "kalman" (extended Kalman filter, the same
-        bits with either backend) or "kalman_loops" (compiled, the same but for rounding).
+        "optimal", "bootstrap" (particle filters) or "kalman" (extended Kalman filter).
     expected
         Normalised innovation squared of a channel on healthy units.
 
@@ -166,7 +165,7 @@ class StateObserver:
         self._extent = NOISES * described if math.isnan(ends) else ends
         walk = WALK * described
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
-        self._compiled = self.backend == "numba" and kind in ("optimal", "kalman_loops")
+        self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
 
     @property
@@ -226,17 +225,17 @@ class StateObserver:
     ) -> int:
         """Scans from ``first`` on in one compiled call; the first that it has not taken."""
         begun = self._filter is None
-        estimate, model = self._filter or self._start(scans, first), self._model
-        assert isinstance(estimate, ParticleFilter | KalmanFilter)
+        particles, model = self._filter or self._start(scans, first), self._model
+        assert isinstance(particles, ParticleFilter)
         motion = model.pwm, model.coefficients, model.record
         heat = self._stores, (self._winding, model.winding_degc, WARMED_K)
-        track = (track_of if self._kind == "optimal" else kalman_of)(model.equations)
-        done, end = estimate.track(track, tuple(scans), first, motion, heat, frozen, begun, raw)
+        track = track_of(model.equations)
+        done, end = particles.track(track, tuple(scans), first, motion, heat, frozen, begun, raw)
         taken = slice(first, first + done)
-        lost[taken] = estimate.diverged
+        lost[taken] = particles.diverged
         if not frozen:
             compared = [0] if begun else measured[taken].tolist()
-            lost[taken] = estimate.watch(raw[taken, self._layout.warm - 2].tolist(), compared)
+            lost[taken] = particles.watch(raw[taken, self._layout.warm - 2].tolist(), compared)
         self._end(end)
         return first + done
 
@@ -307,7 +306,7 @@ class StateObserver:
         # Particles drawn from so wide a prior would all miss the first readings.
         known = KalmanFilter(self._model, np.array([voltage, 0.0, 0.0, position]), covariance)
         known.update(y)
-        if self._kind in ("kalman", "kalman_loops"):
+        if self._kind == "kalman":
             return KalmanFilter(self._model, known.mean, known.covariance, self._expected)
         return ParticleFilter(
             self._model,

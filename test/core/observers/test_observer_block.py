@@ -23,7 +23,6 @@ FLEA = compiled_relations("actuator.yaml").residuals
 
 RELATIONS = compiled_relations("actuator.yaml")
 FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]
-FILTERS += [("kalman_loops", "numba")] if HAVE_NUMBA else []
 SCANS = 300
 LAYOUT = row_layout(5, 2)
 
@@ -95,19 +94,6 @@ def test_both_backends_tell_the_same_of_a_block():
     one, two = (observer("optimal", backend).follow(rows) for backend in ("numpy", "numba"))
     np.testing.assert_allclose(one.table, two.table, rtol=1e-6, atol=1e-9)
     assert one.table.shape == (300, 29)
-
-
-@pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
-@pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
-def test_the_compiled_kalman_filter_tells_what_the_other_one_does(sampling):
-    kinds = (("kalman", "numpy"), ("kalman_loops", "numba"))
-    one, two = (observer(*kind, sampling) for kind in kinds)
-    rows = eventful()[:200]  # a lost track multiplies rounding
-    for frozen, part in ((False, rows[:160]), (True, rows[160:175]), (False, rows[175:])):
-        told, loops = one.follow(part, frozen), two.follow(part, frozen)
-        np.testing.assert_allclose(loops.table, told.table, rtol=1e-6, atol=1e-9)
-        assert loops.measured.tolist() == told.measured.tolist()
-        assert loops.diverged.tolist() == told.diverged.tolist()
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
