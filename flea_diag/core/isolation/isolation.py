@@ -174,6 +174,7 @@ class Isolation:
             return
         if residual in self._sensors.positions:
             yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
+            yield from self._steps(fault, visited)
             return
         if residual in self._sensors.own:
             yield _own(fault, self._sensors.own[residual], "*", "level")
@@ -183,6 +184,15 @@ class Isolation:
             for variant in table.variants[fault.name]:
                 if residual in variant.row:
                     yield variant.row[residual]
+
+    def _steps(self, fault: Fault, visited: tuple[Quadrant, ...]) -> Iterable[FaultSignature]:
+        """Of a fault of the plant with which the difference of two positions jumps: one steps."""
+        for quadrant in () if fault.channel else visited:
+            for variant in self._tables[quadrant].variants[fault.name]:
+                for twin in self._sensors.twins:
+                    found = variant.row.get(twin, UNAFFECTED)
+                    if found.affected and found.order == 0:
+                        yield FaultSignature("*", "*", 0, found.path)
 
     def require(
         self,

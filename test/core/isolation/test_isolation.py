@@ -5,6 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import stands
 
+from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.causal_graph.operating_point import QUADRANTS
 from flea_diag.core.isolation.isolation import Isolation
 from flea_diag.core.likelihood.fit import Fit
@@ -268,3 +271,14 @@ def test_a_group_begins_with_a_jump_where_each_of_it_does(names, expected):
         if hypothesis.name not in names:
             hypothesis.why_dropped = "for this test"
     assert isolation.begins_with_jump is expected
+
+
+def test_a_position_may_step_by_a_play_between_it_and_the_other_one():
+    """A gap that opens under load moves the load side at once, by a fault of no sensor."""
+    machine = load_stand("ema")
+    known = knowledge(machine, load_calibration(machine.calibration))
+    isolation = Isolation(known.faults, known.signatures, known.effects.residuals.symptoms)
+    isolation.observe(0, "load_position", "+", "?", BOTH)
+    left = alive(isolation)
+    assert {"backlash", "load_position_bias"} <= left
+    assert not left & {"jam", "actuator_position_bias", "winding_short"}
