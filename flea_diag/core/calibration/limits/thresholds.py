@@ -158,12 +158,17 @@ def not_nominal(
 ) -> dict[str, str]:
     """Recordings that limits learned from the others show not to be nominal, with the reason.
 
-    The farthest one is left out and the rest judged anew, for it has widened the limits of all.
+    The farthest one is left out and the rest judged anew, for it has widened the limits of all. One
+    under loads that none of the others carried cannot be judged by them.
     """
     left, found = list(range(len(traces))), dict[str, str]()
     while len(left) > LEAST_RECORDINGS and np.nanmax(fitted.scores, initial=0.0) > NOT_NOMINAL:
-        worst = int(np.nanargmax(fitted.scores))
-        score, test = float(fitted.scores[worst]), fitted.worst[worst]
+        covered = [_covered([traces[k] for k in left], place) for place in range(len(left))]
+        scores = np.where(covered, fitted.scores, np.nan)
+        if not np.nanmax(scores, initial=0.0) > NOT_NOMINAL:
+            break
+        worst = int(np.nanargmax(scores))
+        score, test = float(scores[worst]), fitted.worst[worst]
         found[traces[left.pop(worst)].name] = (
             f"{test} reaches {score:.1f} times the limit that the other recordings give"
         )
@@ -178,6 +183,17 @@ def not_nominal(
             terms=terms,
         )
     return found
+
+
+def _covered(traces: Sequence[Trace], place: int) -> bool:
+    """Whether most of a recording is under loads that the others have carried."""
+    own = traces[place].loads
+    others = [trace.loads for k, trace in enumerate(traces) if k != place and len(trace.loads)]
+    if not own.size or not others:
+        return True
+    low = np.min([loads.min(axis=0) for loads in others], axis=0)
+    high = np.max([loads.max(axis=0) for loads in others], axis=0)
+    return bool(((low <= own) & (own <= high)).all(axis=1).mean() > 0.5)
 
 
 def _scores(fits: Sequence[WindowFit], others: Flags) -> tuple[Array, tuple[str, ...]]:

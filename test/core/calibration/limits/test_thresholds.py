@@ -126,6 +126,21 @@ def test_a_recording_that_the_others_contradict_is_found_and_named():
     assert not_nominal(healthy, 0.1, 0.01, FLEA_TOLERANCE, folds, {}, fitted) == {}
 
 
+@pytest.mark.parametrize(("load", "blamed"), [(3.0, []), (0.4, ["t3"])])
+def test_a_recording_under_a_load_of_its_own_is_not_judged_by_the_others(load, blamed):
+    columns = white(12, 6000)
+    columns[3] = columns[3] + 0.8
+    draw = np.random.default_rng(4)
+    given = [
+        replace(trace, loads=draw.uniform(-1.0, 1.0, (6000, 1)) * (n != 3) + load * (n == 3))
+        for n, trace in enumerate(traces(columns, ALIKE))
+    ]
+    folds = [trace.name for trace in given]
+    fitted = fit_limits(given, 0.1, 0.01, FLEA_TOLERANCE, folds)
+    found = not_nominal(given, 0.1, 0.01, FLEA_TOLERANCE, folds, {}, fitted)
+    assert list(found) == blamed
+
+
 def test_coefficients_have_limits_only_where_readings_are_named():
     draw = np.random.default_rng(8)
     given = []
