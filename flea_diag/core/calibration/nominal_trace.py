@@ -145,13 +145,9 @@ def coefficient_shifts(
 ) -> Array:
     """Z of the coefficients of one residual after each bin, shape (n, readings, windows)."""
     rows, use = _coefficient_rows(trace, terms, tolerance, between)
-    gated, own = _gated(trace, terms[0]), rows.shape[1] - len(terms) - 1
-    shift = CoefficientShift(own, len(terms), sigma, gated, counts=counts)
+    own = rows.shape[1] - len(terms) - 1
+    shift = CoefficientShift(own, len(terms), sigma, counts=counts)
     return shift.step(rows, use)[:, 0]
-
-
-def _gated(trace: Trace, term: ReadingTerm) -> bool:
-    return trace.rows.named[term.residual].gate == "moving"
 
 
 def _coefficient_rows(
@@ -170,5 +166,4 @@ def _coefficient_rows(
     loads = trace.loads * np.sqrt(between)
     loads = loads if len(loads) else np.empty((len(spread), 0))
     rows = np.concatenate((spread * tolerance, loads, trace.values[:, [column]], readings), axis=1)
-    use = trace.moving | (not _gated(trace, first))
-    return rows, use & np.isfinite(rows).all(axis=1)
+    return rows, trace.moving & np.isfinite(rows).all(axis=1)

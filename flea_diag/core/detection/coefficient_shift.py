@@ -25,7 +25,6 @@ import numpy.typing as npt
 
 from flea_diag.core.detection.mean_shift import (
     GAP_S,
-    LEAST_ALWAYS_S,
     LEAST_S,
     REFERENCE_S,
     SHIFT_WINDOWS_S,
@@ -52,18 +51,16 @@ class CoefficientShift:
     """Shifts of the coefficients of one residual on some readings; constant memory.
 
     Of ``units`` parameters of the unit and ``readings`` readings; ``sigma`` is the noise of a
-    sample, ``gated`` whether samples in motion alone are to be used.
+    sample.
     """
 
-    def __init__(
-        self, units: int, readings: int, sigma: float, gated: bool, *, counts: ScanCounts
-    ) -> None:
+    def __init__(self, units: int, readings: int, sigma: float, *, counts: ScanCounts) -> None:
         self._units, self._readings = units, readings
         self._bin, self._gap, self._longest = counts.of(BIN_S), 0, counts.of(GAP_S)
         self._variance = sigma**2 * self._bin
         self._bins = np.array([round(time_s / BIN_S) for time_s in COEFFICIENT_WINDOWS_S])
         self._reference = round(REFERENCE_S / BIN_S)
-        self._least = round((LEAST_S if gated else LEAST_ALWAYS_S) / BIN_S)
+        self._least = round(LEAST_S / BIN_S)
         self.clear()
 
     def clear(self) -> None:
@@ -181,6 +178,7 @@ class CoefficientTests:
         counts: ScanCounts,
         between: Mapping[str, float],
         metric: Array,
+        ranges: Mapping[str, tuple[float, float]],
     ) -> None:
         self.windows = tuple(counts.of(time_s) for time_s in COEFFICIENT_WINDOWS_S)
         wanted = {(limit.name, limit.along) for limit in limits}
@@ -200,6 +198,7 @@ class CoefficientTests:
                 sigma,
                 counts,
                 metric * np.sqrt(between.get(name, 0.0)),
+                ranges,
             )
             for name, sigma in sigmas.items()
         ]
@@ -245,34 +244,42 @@ class _Group:
         sigma: float,
         counts: ScanCounts,
         neglected: Array,
+        ranges: Mapping[str, tuple[float, float]],
     ) -> None:
         self._neglected = neglected
+        seen = [ranges.get(term.channel, (-np.inf, np.inf)) for term in terms]
+        self._low, self._high = np.array(seen).T
         self.terms, self._column = terms, known.place[terms[0].residual]
         self._place = known.spreading.index(self._column)
         self._units = list(terms[0].units)
         self._tolerance = np.array(tolerance)[self._units]
         self._signals, self._zeros = [t.signal for t in terms], [t.zero for t in terms]
-        self._gated = known.rows[self._column].gate == "moving"
         self.shift = CoefficientShift(
-            len(self._units) + len(neglected), len(terms), sigma, self._gated, counts=counts
+            len(self._units) + len(neglected), len(terms), sigma, counts=counts
         )
 
     def step(
         self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array | None
     ) -> Array:
-        """``CoefficientShift.step`` of these rows."""
+        """``CoefficientShift.step`` of these rows, in motion and where its readings have been.
+
+        At rest a reading tells its coefficient from nothing, and beyond what recordings hold of it
+        nobody knows what the relation neglects.
+        """
         spread = rows.spread[:, self._place]
         learned = summed_in_order(spread * change)
+        readings = rows.signals[:, self._signals]
         made = np.concatenate(
             (
                 spread[:, self._units] * self._tolerance,
                 neglected_by(loads, self._neglected, len(rows)),
                 (rows.values[:, self._column] - learned)[:, None],
-                rows.signals[:, self._signals] - self._zeros,
+                readings - self._zeros,
             ),
             axis=1,
         )
-        use = rows.moving | (not self._gated)
+        seen = (self._low <= readings) & (readings <= self._high)
+        use = rows.moving & seen.all(axis=1)
         if leverage is not None:
             use = use & (leverage[:, self._column] <= 0.0)
         return self.shift.step(made, use & np.isfinite(made).all(axis=1))

@@ -39,7 +39,8 @@ class MeanShiftTest:
     """Runs every test that the calibration has a limit for.
 
     They are of residuals in which units differ: the run's own level is a better reference than the
-    calibration. ``terms``: the readings that a limit may be along.
+    calibration. ``terms``: the readings that a limit may be along, ``ranges``: what recordings hold
+    of them.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class MeanShiftTest:
         terms: Sequence[ReadingTerm] = (),
         between: Mapping[str, float] = MappingProxyType({}),
         metric: Array | None = None,
+        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ) -> None:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
@@ -74,7 +76,9 @@ class MeanShiftTest:
         self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
         self._metric = np.empty((0, 0)) if metric is None else metric
         self._coefficients = (
-            CoefficientTests(known, coefficients, tolerance, terms, counts, between, self._metric)
+            CoefficientTests(
+                known, coefficients, tolerance, terms, counts, between, self._metric, ranges
+            )
             if coefficients
             else None
         )

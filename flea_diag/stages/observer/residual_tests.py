@@ -41,6 +41,7 @@ class ResidualTests:
             known, c.shifts, apart, backend, counts=counts,
             terms=relations.reading_terms(c.parameters), between=_between(c),
             metric=c.envelope.load_metric if c.envelope else None,
+            ranges=c.envelope.ranges if c.envelope else {},
         )  # fmt: skip
         self._disabled: list[int] = []
         self._directed = frozenset(known.of_relations((known.friction,)))

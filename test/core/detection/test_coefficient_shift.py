@@ -19,7 +19,7 @@ SIGMA = 0.1
 
 
 def level(readings: int = 1) -> CoefficientShift:
-    return CoefficientShift(2, readings, SIGMA, True, counts=FLEA_COUNTS)
+    return CoefficientShift(2, readings, SIGMA, counts=FLEA_COUNTS)
 
 
 def recorded(count: int, shift: float = 0.0, readings: int = 1) -> np.ndarray:

@@ -240,11 +240,35 @@ def test_the_coefficient_on_a_voltage_alone_says_nothing():
     for alone in (True, False):
         test = MeanShiftTest(FLEA, [limit], [0.0] * UNITS, counts=FLEA_COUNTS, terms=[volts])
         made = rows(np.zeros(1000))
+        made.moving[:] = True
         made.signals[:, 0] = np.tile([9.0, -9.0], 500)
         made.values[800:, ELECTRICAL] = 0.2 * made.signals[800:, 0]
         assert step(test, made, alone, force=-9.0).deviating()[-1, ELECTRICAL] is np.bool_(
             not alone
         )
+
+
+@pytest.mark.parametrize(
+    ("moves", "largest", "seen"), [(True, 9.5, True), (False, 9.5, False), (True, 8.0, False)]
+)
+def test_a_coefficient_is_tested_in_motion_and_where_its_reading_has_been(moves, largest, seen):
+    amps = ReadingTerm("parity_mechanical", "motor_current", 0, 0.0)
+    limit = MeanShiftLimit("parity_mechanical", 200, 0.1, 5.0, "motor_current")
+    test = MeanShiftTest(
+        FLEA,
+        [limit],
+        [0.0] * UNITS,
+        counts=FLEA_COUNTS,
+        terms=[amps],
+        ranges={"motor_current": (-largest, largest)},
+    )
+    made = rows(np.zeros(1000))
+    made.moving[:] = moves
+    made.signals[:, 0] = np.tile([9.0, -9.0], 500)
+    made.values[800:, MECHANICAL] = 0.2 * made.signals[800:, 0]
+    found = detection.TestResults(len(FLEA.rows), 1000)
+    test.step(made, found, None)
+    assert bool(found.deviating()[-1, MECHANICAL]) is seen
 
 
 @pytest.mark.parametrize("block", [1, 113, 6000])
