@@ -20,6 +20,8 @@ class SensorSymptoms(Frozen):
         Channels of the motion: positions and speed.
     twins
         Differences between two sensors of one motion.
+    stretched
+        Those of them that hold what lies between the two places.
     own
         Residual in no signature table -> sensors whose faults alone move it.
     """
@@ -27,4 +29,5 @@ class SensorSymptoms(Frozen):
     positions: tuple[str, ...] = ()
     motion: tuple[str, ...] = ()
     twins: tuple[str, ...] = ()
+    stretched: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

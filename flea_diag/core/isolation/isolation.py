@@ -189,7 +189,7 @@ class Isolation:
         """Of a fault of the plant with which the difference of two positions jumps: one steps."""
         for quadrant in () if fault.channel else visited:
             for variant in self._tables[quadrant].variants[fault.name]:
-                for twin in self._sensors.twins:
+                for twin in self._sensors.stretched:
                     found = variant.row.get(twin, UNAFFECTED)
                     if found.affected and found.order == 0:
                         yield FaultSignature("*", "*", 0, found.path)

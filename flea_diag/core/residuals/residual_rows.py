@@ -133,6 +133,8 @@ class ResidualSet(Frozen):
         Relation -> the offset of a unit's sensor that it fixes at the start of a stream.
     twins
         Differences between two sensors of one motion.
+    stretched
+        Those of them that hold what lies between the two places (``across``).
     of_one_speed
         Those of them between two speeds: sensors agree better than any interpolation of lost scans.
     own
@@ -161,6 +163,7 @@ class ResidualSet(Frozen):
     circuit: str = ""
     zeros: Mapping[str, str] = field(default_factory=dict)
     twins: tuple[str, ...] = ()
+    stretched: tuple[str, ...] = ()
     of_one_speed: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smoothing_s: float = SMOOTHING_S
@@ -185,7 +188,7 @@ class ResidualSet(Frozen):
         """What isolation looks up about sensors."""
         tested = {row.name for row in self.sensor_rows}
         stepping = tuple(name for name in self.positions if name in tested)
-        return SensorSymptoms(stepping, self.motion, self.twins, self.own)
+        return SensorSymptoms(stepping, self.motion, self.twins, self.stretched, self.own)
 
     @property
     def followed(self) -> tuple[str, str, str, str]:

@@ -60,6 +60,7 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
         circuit=circuit,
         zeros=_zeros(known, {friction: "current_offset_a", circuit: "voltage_offset_v"}),
         twins=twins,
+        stretched=tuple(name for name in twins if actuator.residuals[name].across),
         of_one_speed=tuple(n for n in twins if actuator.residuals[n].channel == encoder),
         own=dict(_own(actuator, [*(row.name for row in parities), *predictions])),
         smoothing_s=actuator.smoothing_s,
