@@ -163,8 +163,7 @@ def not_nominal(
     """
     left, found = list(range(len(traces))), dict[str, str]()
     while len(left) > LEAST_RECORDINGS and np.nanmax(fitted.scores, initial=0.0) > NOT_NOMINAL:
-        covered = [_covered([traces[k] for k in left], place) for place in range(len(left))]
-        scores = np.where(covered, fitted.scores, np.nan)
+        scores = np.where(_covered([traces[k].loads for k in left]), fitted.scores, np.nan)
         if not np.nanmax(scores, initial=0.0) > NOT_NOMINAL:
             break
         worst = int(np.nanargmax(scores))
@@ -185,15 +184,16 @@ def not_nominal(
     return found
 
 
-def _covered(traces: Sequence[Trace], place: int) -> bool:
-    """Whether most of a recording is under loads that the others have carried."""
-    own = traces[place].loads
-    others = [trace.loads for k, trace in enumerate(traces) if k != place and len(trace.loads)]
-    if not own.size or not others:
-        return True
-    low = np.min([loads.min(axis=0) for loads in others], axis=0)
-    high = np.max([loads.max(axis=0) for loads in others], axis=0)
-    return bool(((low <= own) & (own <= high)).all(axis=1).mean() > 0.5)
+def _covered(loads: Sequence[Array]) -> Flags:
+    """Whether most of each recording is under loads that the others have carried, shape (n,)."""
+    if not all(len(each) for each in loads):
+        return np.ones(len(loads), dtype=bool)
+    lows, highs = (np.array([end(each, axis=0) for each in loads]) for end in (np.min, np.max))
+    found = []
+    for place, own in enumerate(loads):
+        low, high = np.delete(lows, place, 0).min(axis=0), np.delete(highs, place, 0).max(axis=0)
+        found.append(((low <= own) & (own <= high)).all(axis=1).mean() > 0.5)
+    return np.array(found)
 
 
 def _scores(fits: Sequence[WindowFit], others: Flags) -> tuple[Array, tuple[str, ...]]:
