@@ -36,10 +36,18 @@ class ObserverChain:
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
         self.episode = DetectionEpisode(rows, parameters.rearm_after_s)
         self._unit = UnitChange()
-        self.begin(0, None)
+        self._renew()
 
     def begin(self, stamp_ns: int, table: ChannelTable | None) -> None:
         """Start a new stream; only counters of the stream order are kept."""
+        if self.stream.begun:
+            self._renew()
+        if table is not None:
+            self.take_ranges(table)
+        self.stream.begin(stamp_ns)
+
+    def _renew(self) -> None:
+        """Build what holds the state of a stream: done before its first scan, which waits less."""
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
         self.channels = Channels(
@@ -48,11 +56,7 @@ class ObserverChain:
         estimate = StateEstimate(
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
         )
-        self.stream = ResidualStream(
-            c, self._effects, estimate, p.warm_up_s, stamp_ns, p.observer_backend
-        )
-        if table is not None:
-            self.take_ranges(table)
+        self.stream = ResidualStream(c, self._effects, estimate, p.warm_up_s, p.observer_backend)
         self.episode.forget()
         self._unit.forget()
 

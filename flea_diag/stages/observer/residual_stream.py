@@ -58,7 +58,7 @@ class StreamOutput:
 
 
 class ResidualStream:
-    """Residuals of one stream and their tests; takes scans singly or in blocks."""
+    """Residuals of one stream and their tests; takes scans singly or in blocks, after ``begin``."""
 
     def __init__(
         self,
@@ -66,7 +66,6 @@ class ResidualStream:
         effects: EffectSet,
         estimate: StateEstimate,
         warm_up_s: float,
-        start_ns: int,
         backend: str,
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
@@ -95,7 +94,7 @@ class ResidualStream:
             if c.envelope
             else None
         )
-        self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
+        self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s)
         self._regressors = RegressorTable(effects, c.parameters)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)
         self._tests = ResidualTests(relations, c, estimate.runs, backend)
@@ -103,7 +102,13 @@ class ResidualStream:
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._unit: tuple[ChannelQuality, ...] = ()
         self._period_ns = round(c.period_s * 1e9)
-        self._last_ns = start_ns
+        self.begun, self._last_ns = False, NEVER_NS
+
+    def begin(self, stamp_ns: int) -> None:
+        """The first scan is that of this stamp."""
+        self.begun, self._last_ns = True, stamp_ns
+        if self._warm_up is not None:
+            self._warm_up.begin(stamp_ns)
 
     def take_ranges(self, table: ChannelTable) -> None:
         """Use the ranges of a channel table."""

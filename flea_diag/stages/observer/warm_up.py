@@ -19,14 +19,12 @@ Offsets = Mapping[str, tuple[float, float]]
 
 
 class WarmUp:
-    """Offset learning from the start of a stream until the warm-up time has passed."""
+    """Offset learning from ``begin``, with the first scan, until the warm-up time has passed."""
 
-    def __init__(
-        self, known: ResidualSet, calibration: Calibration, warm_up_s: float, start_ns: int
-    ) -> None:
+    def __init__(self, known: ResidualSet, calibration: Calibration, warm_up_s: float) -> None:
         self._known = known
         self._calibration = calibration
-        self._ends_ns = start_ns + round(warm_up_s * 1e9)
+        self._length_ns = self._ends_ns = round(warm_up_s * 1e9)
         self._learning = {
             residual: OffsetLearning(name, calibration.tolerance)
             for residual, name in known.zeros.items()
@@ -40,6 +38,10 @@ class WarmUp:
             for name in plain
             if name not in self._learning and calibration.units
         }
+
+    def begin(self, stamp_ns: int) -> None:
+        """The first scan is that of this stamp."""
+        self._ends_ns = stamp_ns + self._length_ns
 
     def leading(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block: the warm-up ends with a single one."""

@@ -62,6 +62,16 @@ def warm() -> ObserverChain:
     return chain
 
 
+def test_what_a_stream_needs_is_built_before_its_first_scan_and_anew_for_the_next_stream():
+    known = stands.calibration()
+    chain = ObserverChain(known, effects(load_stand(), known), ObserverParameters())
+    first = chain.stream
+    chain.begin(jammed()[0].stamp_ns, None)
+    assert chain.stream is first
+    chain.begin(jammed()[1].stamp_ns, None)
+    assert chain.stream is not first
+
+
 @pytest.mark.parametrize("after", [NEVER, 5], ids=["nothing follows", "an abstention follows"])
 def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection(after: int):
     """Even where the relation that shows it is void at the end of the same block."""

@@ -32,7 +32,8 @@ def test_an_offset_that_is_there_from_the_start_is_the_units_own():
 
 
 def test_the_scan_that_ends_the_warm_up_comes_alone():
-    warm_up = WarmUp(stands.relations().residuals, stands.calibration(), warm_up_s=6.0, start_ns=S)
+    warm_up = WarmUp(stands.relations().residuals, stands.calibration(), warm_up_s=6.0)
+    warm_up.begin(S)
     stamps_ns = S * np.array([5, 6, 7, 8])
     assert warm_up.leading(stamps_ns) == 2  # the warm-up ends 7 s after zero
     assert warm_up.leading(stamps_ns[2:]) == 0
