@@ -90,7 +90,7 @@ class CoefficientShift:
         self._gap = int(scans[-1] - seen[-1])
         lost, use = scans - seen > self._longest, use & ~missing
         edges = np.flatnonzero(lost[1:] != lost[:-1]) + 1
-        for part in np.split(scans, edges):
+        for part in np.split(scans, edges) if len(edges) else (scans,):
             if lost[part[0]]:
                 self.clear()
                 found[part] = np.nan
@@ -181,6 +181,7 @@ class CoefficientTests:
         ranges: Mapping[str, tuple[float, float]],
     ) -> None:
         self.windows = tuple(counts.of(time_s) for time_s in COEFFICIENT_WINDOWS_S)
+        self._loads = len(metric)
         wanted = {(limit.name, limit.along) for limit in limits}
         terms = [term for term in terms if (term.residual, term.channel) in wanted]
         self.tests = [(known.place[term.residual], term.channel) for term in terms]
@@ -214,7 +215,8 @@ class CoefficientTests:
         (n, residuals), beyond the reach: what was not calibrated there is none of the unit.
         ``loads`` are as in ``MeanShiftTest.step``.
         """
-        found = [group.step(rows, change, leverage, loads) for group in self._groups]
+        known = np.zeros((len(rows), self._loads)) if loads is None else np.nan_to_num(loads)
+        found = [group.step(rows, change, leverage, known) for group in self._groups]
         joined = np.concatenate(found, axis=2)[:, :, self._order]
         return joined[:, 0], joined[:, 1]
 
@@ -224,12 +226,11 @@ class CoefficientTests:
             group.shift.freeze() if opened else group.shift.clear()
 
 
-def neglected_by(loads: Array | None, weights: Array, count: int) -> Array:
-    """What a residual neglects may follow each load, shape (n, loads); 0 where one is not read."""
-    known = np.zeros((count, len(weights))) if loads is None else np.nan_to_num(loads)
-    found = np.zeros((count, len(weights)))
+def neglected_by(loads: Array, weights: Array) -> Array:
+    """What a residual neglects may follow each load, shape (n, loads)."""
+    found = np.zeros(loads.shape)
     for place, column in enumerate(weights.T):
-        found[:, place] = summed_in_order(known * column)
+        found[:, place] = summed_in_order(loads * column)
     return found
 
 
@@ -259,12 +260,12 @@ class _Group:
         )
 
     def step(
-        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array | None
+        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array
     ) -> Array:
         """``CoefficientShift.step`` of these rows, in motion and where its readings have been.
 
         At rest a reading tells its coefficient from nothing, and beyond what recordings hold of it
-        nobody knows what the relation neglects.
+        nobody knows what the relation neglects. ``loads`` are 0 where one is not read.
         """
         spread = rows.spread[:, self._place]
         learned = summed_in_order(spread * change)
@@ -272,7 +273,7 @@ class _Group:
         made = np.concatenate(
             (
                 spread[:, self._units] * self._tolerance,
-                neglected_by(loads, self._neglected, len(rows)),
+                neglected_by(loads, self._neglected),
                 (rows.values[:, self._column] - learned)[:, None],
                 readings - self._zeros,
             ),

@@ -165,6 +165,10 @@ class MeanShiftTest:
         shifts: Array,
     ) -> None:
         """Shifts of coefficients."""
+        if not (np.abs(z) > tests.k).any():
+            if not self._open:
+                self._signs.clear()
+            return
         for test, (column, along) in enumerate(tests.tests):
             if self._silent(column):
                 continue
@@ -279,8 +283,10 @@ class MeanShiftTest:
     ) -> Flags:
         """Fill the results in; after which scans a shift counts. ``limits``: windows, and k."""
         windows, k = limits
+        counts = np.zeros(len(z), dtype=bool)
+        if not (np.abs(z) > k).any():
+            return counts
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
-        counts = np.zeros(len(quiet), dtype=bool)
         for each, shift, limit, window in zip(z.T, shifts.T, k, windows, strict=True):
             beyond = quiet & (np.abs(each) > limit)
             results.z[beyond, column], results.k[beyond, column] = each[beyond], limit
