@@ -7,11 +7,40 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from support.decisions import BAGS
 from support.places import ROOT
 
+pytest.importorskip("numba")
+
+WARM_UP = """
+import sys
+from flea_diag.tools.main import main
+status = main(["warm-up", *sys.argv[2:]])
+
+import numpy as np
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.observers.state_observer import StateObserver
+
+stand = load_stand()
+known = learned(stand)
+model = relations(stand, known)
+place = model.residuals.index
+draw = np.random.default_rng(2)
+rows = np.zeros((100, len(place)))
+rows[:, place["motor_current"]] = draw.normal(0.0, 0.5, 100)
+rows[:, place["motor_voltage"]] = draw.normal(0.0, 3.0, 100)
+rows[:, place["actuator_position"]] = draw.normal(0.05, 6e-5, 100)
+observer = StateObserver(known.parameters, model, 0.01, np.random.default_rng(0), 200, "numba")
+with open(sys.argv[1], "w") as file:
+    file.write(observer.follow(rows).table.tobytes().hex())
+sys.exit(status)
+"""
+"""The command, then estimates by what it has compiled, or has found on disk, in this process."""
 REPLAY = (
     "import sys; from flea_diag.core.backend import compiling; "
     "from flea_diag.tools.main import main\n"
@@ -19,29 +48,62 @@ REPLAY = (
 )
 
 
-def flea(cache: Path, *command: str) -> subprocess.CompletedProcess[str]:
+class Ran(NamedTuple):
+    """A process that has ended, and the bits of the estimates that it wrote."""
+
+    process: subprocess.CompletedProcess[str]
+    estimates: str
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("warm_up")
+
+
+def flea(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, *command],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)},
+        [sys.executable, "-c", *command],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
     )
 
 
-def test_what_is_warmed_up_is_not_compiled_again(tmp_path: Path) -> None:
-    pytest.importorskip("numba")
-    command = ("-m", "flea_diag.tools.main", "warm-up")
-    cold = flea(tmp_path, *command, "--check", "--json", "-")
-    assert cold.returncode == 1
-    assert "NUMBA_CACHE_DIR" in cold.stderr
-    parts = {row["part"]: row["compiled"] for row in json.loads(cold.stdout)["parts"]}
+def warmed_up(folder: Path, *arguments: str) -> Ran:
+    target = folder / "estimates"
+    process = flea(folder, WARM_UP, str(target), *arguments)
+    return Ran(process, target.read_text(encoding="ascii"))
+
+
+@pytest.fixture(scope="module")
+def cold(folder: Path) -> Ran:
+    return warmed_up(folder, "--check", "--json", "-")
+
+
+@pytest.fixture(scope="module")
+def warm(cold: Ran, folder: Path) -> Ran:
+    return warmed_up(folder, "--check")
+
+
+def test_what_is_warmed_up_is_not_compiled_again(cold: Ran, warm: Ran, folder: Path) -> None:
+    assert cold.process.returncode == 1
+    assert "NUMBA_CACHE_DIR" in cold.process.stderr
+    parts = {row["part"]: row["compiled"] for row in json.loads(cold.process.stdout)["parts"]}
     assert "z_test_loops" in parts["diagnosis"]
+    assert "track_loops" in parts["diagnosis"]
     assert parts["simulated stand"] == ["_integrate"]
 
-    warm = flea(tmp_path, *command, "--check")
-    assert warm.returncode == 0, warm.stdout + warm.stderr
-    assert "diagnosis: ready after" in warm.stdout
-    assert "compiling" not in warm.stdout
+    assert warm.process.returncode == 0, warm.process.stdout + warm.process.stderr
+    assert "diagnosis: ready after" in warm.process.stdout
+    assert "compiling" not in warm.process.stdout
 
-    replay = flea(tmp_path, "-c", REPLAY, "replay", str(BAGS / "jam"), "-q")
+    replay = flea(folder, REPLAY, "replay", str(BAGS / "jam"), "-q")
     assert (replay.returncode, replay.stdout) == (0, "")
+
+
+def test_what_is_compiled_now_and_what_was_on_disk_give_the_same_bits(
+    cold: Ran, warm: Ran, folder: Path
+) -> None:
+    assert list((folder / "cache").rglob("*.nbc"))
+    assert len(cold.estimates) > 1000
+    assert warm.estimates == cold.estimates
