@@ -3,6 +3,8 @@
 # conflict with the one in .venv.
 
 unset PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Else each of the many processes of a run or of the tests would compile all sources again.
+unset PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PYTHONUNBUFFERED=1
 
 venv=$root/.venv
@@ -32,7 +34,7 @@ make_venv() {
 }
 
 # The sum over names and contents of the files given by a find expression.
-sum_of() { find "$@" -type f ! -name '*.pyc' -print0 | sort -z | xargs -0 sha256sum | sha256sum; }
+sum_of() { find "$@" -type f ! -path '*/__pycache__/*' -print0 | sort -z | xargs -0 sha256sum | sha256sum; }
 
 pip_install() {
     "$python" -m pip install --progress-bar off --no-build-isolation \
