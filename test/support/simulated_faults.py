@@ -10,6 +10,7 @@ from typing import Any
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
@@ -54,15 +55,11 @@ def scenario(row: str, seed: int) -> dict[str, Any]:
 
 def judged(row: str, seed: int) -> Judged:
     """Diagnose one run without its truth, and hold the last verdict against the table."""
-    pipeline, groups = make_pipeline(load_stand()), []
-    first_ns = None
-    for record in SimulatedStand(scenario_from_mapping(scenario(row, seed), row)):
-        if isinstance(record, Scan) and first_ns is None:
-            first_ns = record.stamp_ns
-        if isinstance(record, (ChannelTable, Scan)):
-            groups += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
-    groups += [r for r in pipeline.finish() if isinstance(r, AmbiguityGroup)]
-    assert first_ns is not None
+    stand = SimulatedStand(scenario_from_mapping(scenario(row, seed), row))
+    records = [record for record in stand if isinstance(record, (ChannelTable, Scan))]
+    found = diagnose(records, make_pipeline(load_stand())).kept
+    groups = [record for record in found if isinstance(record, AmbiguityGroup)]
+    first_ns = next(record.stamp_ns for record in records if isinstance(record, Scan))
     entry, last = table()["faults"][row], groups[-1]
     names = tuple(member.fault for member in last.members)
     detected_s = (last.detected_stamp_ns - first_ns) / 1e9
