@@ -5,7 +5,8 @@ that of all other tests but those of single sensors by the same factor: what two
 and what a prediction neglects, depends on load and place as well. At an end of the travel that few
 recordings came to, a residual scatters by its own factor, if that is more. A prediction, and what
 takes a temperature from it, scatters in proportion to what supplies its store, beyond the most that
-was calibrated: the heat of a load counts for as long as it lasts.
+was calibrated: the heat of a load counts for as long as it lasts, and the more the farther the
+relation lies out itself.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
 their distance), or the supply beyond twice the most, the tests that rest on it say nothing, until
 it has been back within for ``BACK`` scans. Two readings of a speed that are both out of their range
@@ -53,12 +54,12 @@ class OperatingPlace:
     travel: Array | None = None
     loads: Array | None = None
 
-    def factor(self) -> Array | None:
-        """How many times each residual scatters as in the middle of what was seen."""
+    def variance(self) -> Array | None:
+        """Variance of residuals divided by ``travel``, in times that inside; None: it is 1."""
         if self.beyond is None:
-            return self.travel
-        factor: Array = np.sqrt(1.0 + self.beyond)
-        return factor if self.travel is None else np.maximum(factor, self.travel)
+            return None
+        grown: Array = 1.0 + self.beyond
+        return grown if self.travel is None else np.maximum(grown / np.square(self.travel), 1.0)
 
     def leverage(self) -> Array | None:
         """``beyond`` of residuals that are divided by ``travel``."""
@@ -160,8 +161,11 @@ class EnvelopeWatch:
             beyond = np.zeros((count, len(self._known.rows)))
             relations = len(self._basis.names)
             beyond[:, self._others] = over[:, :relations].max(axis=1)[:, None]
-            for k, columns in enumerate(self._columns):
+            for k, columns in enumerate(self._columns[:relations]):
                 beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
+            # What a prediction is off by shows in proportion to the regressors, wherever they are.
+            for k, columns in enumerate(self._columns[relations:], start=relations):
+                beyond[:, columns] = (1.0 + beyond[:, columns]) * (1.0 + over[:, k, None]) - 1.0
         self.place = OperatingPlace(beyond, travel, loads)
         far = h > self._far
         if not (np.count_nonzero(far) or self.outside or any(self._beyond)):

@@ -33,11 +33,12 @@ class TestResults:
     """For each residual and scan the test nearest to its limit, shape (n, residuals).
 
     ``z``: statistic, and ``k``: its limit, NaN where nothing was tested. ``window``: samples of
-    the mean, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
+    the mean, 0 where there is none. ``growth``: factor by which the limit of that mean has grown.
+    ``table``, shape (4, n, residuals), holds the four.
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
-    scan. ``growth``, shape (n, residuals): factor by which limits have grown, None where none has.
+    scan.
     ``way``, shape (2, n): direction of motion and for how many scans in motion it has lasted,
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
@@ -45,13 +46,13 @@ class TestResults:
     __slots__ = ("along", "directed", "growth", "k", "shift", "table", "void", "way", "window", "z")
 
     def __init__(self, residuals: int, scans: int = 1) -> None:
-        table = np.empty((4, scans, residuals))
+        table = np.empty((5, scans, residuals))
         table.fill(np.nan)
-        self.table, self.void = table[:3], False
+        self.table, self.void = table[:4], False
         self.along: dict[int, str] = {}
-        self.growth: Array | None = None
-        self.z, self.k, self.window, self.shift = table
+        self.z, self.k, self.window, self.growth, self.shift = table
         self.window.fill(0.0)
+        self.growth.fill(1.0)
         self.way, self.directed = np.zeros((2, scans)), frozenset[int]()
 
     def direction(self, index: int) -> Array:
@@ -73,9 +74,9 @@ class TestResults:
         In sigmas of what was calibrated: a limit that grows makes no deviation smaller. A shift
         is tested by limits that do not.
         """
-        z, k, window = self.table[:, 0, index].tolist()
-        if self.growth is not None and math.isnan(self.shift[0, index]):
-            z *= float(self.growth[0, index])
+        z, k, window, growth = self.table[:, 0, index].tolist()
+        if math.isnan(self.shift[0, index]):
+            z *= growth
         return z, (window, k, float(self.direction(index)[0]))
 
     def symbol(self, index: int) -> str:
@@ -109,11 +110,16 @@ class Detector:
             for gate in ("moving", "always")
         )
 
-    def step(self, rows: ResidualRows) -> TestResults:
-        """Results after each of these rows."""
+    def step(self, rows: ResidualRows, growth: Array | None = None) -> TestResults:
+        """Results after each of these rows.
+
+        ``growth``, shape (n, residuals): variance of each residual there, in times what was
+        calibrated; None: as calibrated.
+        """
         results = TestResults(self._count, len(rows))
+        grown = np.ones_like(rows.values) if growth is None else growth
         for group in self._groups:
-            group.step(rows, results.table)
+            group.step(rows, grown, results.table)
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:

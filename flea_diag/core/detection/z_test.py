@@ -20,10 +20,13 @@ REGION_EDGES = np.array(SPEED_REGIONS_M_S)
 
 
 class ZTests:
-    """Z-tests of the residuals of one gate, on one ring of rows: values, |speed|, spreads.
+    """Z-tests of the residuals of one gate, on one ring of rows.
 
+    A row holds values, growth, |speed|, spreads. The variance of a mean is that of the calibration
+    times the mean growth over its samples: what cancels in a mean, such as the lag of one speed
+    behind another, still does where single samples scatter more.
     A gated group takes no samples at rest and keeps the results of the last scan in motion.
-    Results are z, its limit and its window (``detection.TestResults``).
+    Results are z, its limit, its window and its growth (``detection.TestResults``).
     """
 
     def __init__(
@@ -56,10 +59,10 @@ class ZTests:
         self._based()
         self._lengths = np.array(self._windows)
         self._window, self._order = np.arange(len(self._windows)), np.arange(len(rows))
-        width = len(rows) + 1 + len(self._spread) * len(tolerance)
+        width = 2 * len(rows) + 1 + len(self._spread) * len(tolerance)
         self._means = WindowedMeans(width, self._windows)
-        self._held = np.full((3, len(rows)), np.nan)
-        self._held[2] = 0.0
+        self._held = np.full((4, len(rows)), np.nan)
+        self._held[2:] = np.array([[0.0], [1.0]])
 
     def _bound(self, rows: list[ResidualRow], limits: dict[str, ResidualLimit]) -> None:
         """Centre, variance and limit of each test, shape (3, regions, windows, residuals)."""
@@ -81,24 +84,24 @@ class ZTests:
         unit = np.square(self._fixed * self._tolerance).sum(axis=1)
         self._bounds[1] = self._own + (self._extra + unit)
 
-    def step(self, rows: ResidualRows, results: Array) -> None:
+    def step(self, rows: ResidualRows, growth: Array, results: Array) -> None:
         """Take rows; the test of each residual nearest to its limit goes into ``results``.
 
-        ``results`` has shape (3, n, residuals).
+        ``results`` has shape (4, n, residuals), ``growth`` (n, residuals).
         """
         if not len(self._columns):
             return
         if self._compiled:
-            self._follow(rows, results)
+            self._follow(rows, growth, results)
             return
         taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
         found = self._held[:, None]
         if taken.any():
-            found = np.concatenate((found, self._judge(self._table(rows)[taken])), axis=1)
+            found = np.concatenate((found, self._judge(self._table(rows, growth)[taken])), axis=1)
         self._held = found[:, -1].copy()
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
-    def _follow(self, rows: ResidualRows, results: Array) -> None:
+    def _follow(self, rows: ResidualRows, growth: Array, results: Array) -> None:
         """The same as compiled loops, in pieces that fit the memory."""
         loops = backends.exact(*Z_TEST_LOOPS)
         spread = self._spreading.start, len(self._spread), self._tolerance
@@ -108,7 +111,7 @@ class ZTests:
             count = int(np.count_nonzero(moving)) if self._gated else len(moving)
             memory, at, lap, run = self._means.room(count)
             loops(
-                (rows.values[piece], rows.motion[piece], rows.spread[piece]),
+                (rows.values[piece], growth[piece], rows.motion[piece], rows.spread[piece]),
                 moving,
                 self._gated,
                 self._columns,
@@ -123,20 +126,22 @@ class ZTests:
                 results[:, piece],
             )
 
-    def _table(self, rows: ResidualRows) -> Array:
-        """Rows of the ring: values, |speed|, spreads; shape (n, width)."""
+    def _table(self, rows: ResidualRows, growth: Array) -> Array:
+        """Rows of the ring, shape (n, width)."""
         count = len(self._columns)
-        table = np.empty((len(rows), count + 1 + len(self._spread) * len(self._tolerance)))
+        speed = 2 * count
+        table = np.empty((len(rows), speed + 1 + len(self._spread) * len(self._tolerance)))
         table[:, :count] = rows.values.take(self._columns, axis=1)
-        table[:, count] = np.abs(rows.speed_m_s)
-        table[:, count + 1 :] = rows.spread.take(self._places, axis=1).reshape(len(rows), -1)
+        table[:, count:speed] = growth.take(self._columns, axis=1)
+        table[:, speed] = np.abs(rows.speed_m_s)
+        table[:, speed + 1 :] = rows.spread.take(self._places, axis=1).reshape(len(rows), -1)
         # A missing speed matters only to residuals that need it; the region defaults to slow.
-        loose = table[:, count:]
+        loose = table[:, speed:]
         loose[np.isnan(loose)] = 0.0
         return table
 
     def _judge(self, table: Array) -> Array:
-        """Results after each row, shape (3, n, residuals of the group)."""
+        """Results after each row, shape (4, n, residuals of the group)."""
         count = len(self._columns)
         means = self._means.push(table)
         statistic, (centre, variance, k) = self._moments(means, count)
@@ -144,16 +149,18 @@ class ZTests:
         # A window without z ranks last.
         nearest = np.fmax(np.abs(z) / k, -1.0).argmax(axis=1)
         pick = np.arange(len(table))[:, None], nearest, self._order
-        return np.stack((z[pick], k[pick], self._lengths[nearest]))
+        growth = np.sqrt(means[:, :, count : 2 * count][pick])
+        return np.stack((z[pick], k[pick], self._lengths[nearest], growth))
 
     def _moments(self, means: Array, count: int) -> tuple[Array, Array]:
         """Statistic, shape (n, windows, residuals), and centre, variance and limit of each."""
-        statistic, speeds = means[:, :, :count], means[:, :, count]
+        statistic, speeds = means[:, :, :count], means[:, :, 2 * count]
         region = REGION_EDGES.searchsorted(np.fmax(speeds, 0.0))
         bounds = self._bounds[:, region, self._window]
+        bounds[1] *= means[:, :, count : 2 * count]
         if self._spread:
             shape = (*speeds.shape, len(self._spread), len(self._tolerance))
-            spreads = means[:, :, count + 1 :].reshape(shape) * self._tolerance
+            spreads = means[:, :, 2 * count + 1 :].reshape(shape) * self._tolerance
             bounds[1][:, :, self._spreading] += summed_in_order(np.square(spreads))
         return statistic, bounds
 
@@ -161,7 +168,7 @@ class ZTests:
         """Correct the parity residuals in the windows for changed unit parameters."""
         self._tolerance = tolerance
         self._based()
-        start = len(self._columns) + 1
+        start = 2 * len(self._columns) + 1
         for column in self._spread:
             self._means.combine(column, slice(start, start + len(change)), change)
             start += len(change)

@@ -52,7 +52,7 @@ def nearest_loops(
     spread: tuple[int, int, Array],
     held: Array,
 ) -> None:
-    """Of each residual the test nearest to its limit goes into ``held``: z, limit, window."""
+    """Of each residual the test nearest to its limit goes into ``held``."""
     lengths, run = counts
     start, spreading, tolerance = spread
     units, residuals = len(tolerance), held.shape[1]
@@ -60,13 +60,16 @@ def nearest_loops(
     for w in range(len(lengths)):
         length = lengths[w]
         region = 0
-        if run[residuals] >= length:
+        if run[2 * residuals] >= length:
             for edge in SPEED_REGIONS_M_S:
-                region += sums[w, residuals] / length > edge
+                region += sums[w, 2 * residuals] / length > edge
         for c in range(residuals):
-            variance = bounds[1, region, w, c]
+            growth = math.nan
+            if run[residuals + c] >= length:
+                growth = sums[w, residuals + c] / length
+            variance = bounds[1, region, w, c] * growth
             if start <= c < start + spreading:
-                first = residuals + 1 + (c - start) * units
+                first = 2 * residuals + 1 + (c - start) * units
                 unit = 0.0
                 for u in range(units):
                     moved = math.nan
@@ -82,17 +85,21 @@ def nearest_loops(
             # An untested window has no z: it is farthest from its limit.
             near = near if near > -1.0 else -1.0
             if w == 0 or near > best[c]:
-                best[c], held[0, c], held[1, c], held[2, c] = near, z, k, length
+                best[c], held[0, c], held[1, c] = near, z, k
+                held[2, c], held[3, c] = length, math.sqrt(growth)
 
 
 def row_loops(
-    values: Array, speed_m_s: float, spreads: Array, columns: Counts, places: Counts, row: Array
-) -> None:
+    values: Array, growth: Array, speed_m_s: float, spreads: Array, columns: Counts,
+    places: Counts, row: Array,
+) -> None:  # fmt: skip
     """``z_test.ZTests.table`` for one scan."""
-    row[len(columns)] = 0.0 if math.isnan(speed_m_s) else abs(speed_m_s)
-    for c in range(len(columns)):
+    count = len(columns)
+    row[2 * count] = 0.0 if math.isnan(speed_m_s) else abs(speed_m_s)
+    for c in range(count):
         row[c] = values[columns[c]]
-    at = len(columns) + 1
+        row[count + c] = growth[columns[c]]
+    at = 2 * count + 1
     for place in places:
         for spread in spreads[place]:
             row[at] = 0.0 if math.isnan(spread) else spread
@@ -100,17 +107,18 @@ def row_loops(
 
 
 def z_test_loops(
-    rows: tuple[Array, Array, Array], moving: Flags, gated: bool, columns: Counts, places: Counts,
-    memory: tuple[Array, Flags, Array], start: int, lap: int, counts: tuple[Counts, Counts],
-    bounds: Array, spread: tuple[int, int, Array], held: Array, results: Array,
+    rows: tuple[Array, Array, Array, Array], moving: Flags, gated: bool, columns: Counts,
+    places: Counts, memory: tuple[Array, Flags, Array], start: int, lap: int,
+    counts: tuple[Counts, Counts], bounds: Array, spread: tuple[int, int, Array], held: Array,
+    results: Array,
 ) -> None:  # fmt: skip
     """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
-    values, motion, spreads = rows
+    values, growth, motion, spreads = rows
     store, valid, sums = memory
     row, size = np.empty(store.shape[1]), counts[0][-1]
     for i in range(len(values)):
         if moving[i] or not gated:
-            row_loops(values[i], motion[i, 0], spreads[i], columns, places, row)
+            row_loops(values[i], growth[i], motion[i, 0], spreads[i], columns, places, row)
             push_loops(row, store, valid, start, counts, sums)
             lap += 1
             if lap == size:
@@ -119,7 +127,7 @@ def z_test_loops(
             start += 1
             nearest_loops(sums, counts, bounds, spread, held)
         for c in range(len(columns)):
-            for part in range(3):
+            for part in range(4):
                 results[part, i, columns[c]] = held[part, c]
 
 

@@ -62,16 +62,14 @@ class ResidualTests:
         """
         if self._disabled:
             residuals.values[:, self._disabled] = np.nan
-        growth = place.factor()
-        results = self._z_tests.step(self._scaled(residuals, growth))
-        results.growth = growth
+        near = self._scaled(residuals, place.travel)
+        results = self._z_tests.step(near, place.variance())
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         if alone is not None and self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        near = self._scaled(residuals, place.travel)
         self._mean_shift.step(near, results, alone, place.leverage(), place.loads)
         return results
 

@@ -71,7 +71,7 @@ def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...
         watch.leave_out(one)
         residuals.values[part] = one.values
         outside.append(watch.outside)
-    assert watch.place.factor() is None or load_n > 60.0
+    assert watch.place.variance() is None or load_n > 60.0
     return residuals, turns, outside
 
 
@@ -122,10 +122,11 @@ def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
     for part in parts:
         some = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
         assert watch.step(rows[part], some) == len(part)
-        found.append(watch.place.factor())
+        found.append(watch.place.variance())
     expected = np.maximum(mean / most, 1.0)
     table = relations.residuals
-    factor = np.concatenate([np.ones((500, len(table.rows))) if f is None else f for f in found])
+    parts = [np.ones((500, len(table.rows))) if f is None else np.sqrt(f) for f in found]
+    factor = np.concatenate(parts)
     for name in ("motor_temperature", "parity_electrical", "parity_electrical_dn"):
         assert factor[:, table.column(name)] == pytest.approx(expected, rel=1e-9)
     assert (factor[:, table.columns([*MECHANICAL, "nut_temperature"])] == 1.0).all()
@@ -171,13 +172,13 @@ def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None
     watch = watch_of(known)
     residuals = residuals_of(rows)
     watch.step(rows, residuals)
-    factor = replace(watch.place, beyond=None).factor()
+    factor = watch.place.travel
     column = relations.residuals.column("parity_mechanical")
     assert np.array_equal(factor[:, column], np.where(position < low, 3.0, 1.0))
     assert (np.delete(factor, column, axis=1) == 1.0).all()
     # Leverage and place are one excess seen twice: the larger counts.
-    both = replace(watch.place, beyond=np.full_like(factor, 3.0)).factor()
-    assert np.array_equal(both[:, column], np.where(position < low, 3.0, 2.0))
+    both = factor * np.sqrt(replace(watch.place, beyond=np.full_like(factor, 3.0)).variance())
+    assert both[:, column] == pytest.approx(np.where(position < low, 3.0, 2.0))
     again = from_mapping(replace(calibration, envelope=known).to_mapping(), "here")
     assert again.envelope == known
 

@@ -154,6 +154,7 @@ def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
     spread = random.standard_normal((scans, len(FLEA.spreading), len(UNIT_PARAMETERS)))
     speed = 0.09 * np.sin(np.arange(scans) / 150.0)
     spread[700:710], speed[900:905] = math.nan, math.nan
+    growth = 1.0 + np.maximum(random.standard_normal(values.shape), 0.0)
 
     def run(backend: str, lengths: list[int]) -> np.ndarray:
         test, found, start = (
@@ -165,7 +166,7 @@ def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
             part = slice(start, start + length)
             moving = np.abs(speed[part]) > 0.01
             rows = ResidualRows(values[part], spread[part], *motion(speed[part]), moving)
-            found.append(test.step(rows).table)
+            found.append(test.step(rows, growth[part]).table)
             start += length
             if start == 1000:
                 test.adopt([0.1] * len(tolerance), tolerance / 2.0)
@@ -179,8 +180,24 @@ def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
     np.testing.assert_array_equal(run("numba", [1] * scans), numpy)
 
 
+def test_a_mean_grows_by_the_mean_of_what_its_samples_grow_by():
+    """A lag of one speed behind another cancels over a period, wherever in it the load is large."""
+    name = "parity_speed"
+    column, lag = FLEA.place[name], np.sin(2.0 * np.pi * np.arange(400) / 100.0)
+    values, growth = np.zeros((400, len(FLEA.rows))), np.ones((400, len(FLEA.rows)))
+    values[:, column] = lag + 0.2
+    growth[lag > 0.0, column] = 25.0
+    moving = np.ones(400, dtype=bool)
+    spread = np.zeros((400, len(FLEA.spreading), len(UNIT_PARAMETERS)))
+    rows = ResidualRows(values, spread, *motion(np.full(400, 0.05)), moving)
+    inside, outside = (detector(limit(name, {400: 0.1})).step(rows, g) for g in (None, growth))
+    grown = np.sqrt(growth[:, column].mean())
+    assert outside.growth[-1, column] == pytest.approx(grown)
+    assert outside.z[-1, column] * grown == pytest.approx(inside.z[-1, column])
+
+
 def test_a_limit_that_grows_makes_no_deviation_smaller():
     found = TestResults(len(FLEA.rows), 2)
-    found.z[:, :2], found.growth = 4.0, np.full((2, len(FLEA.rows)), 1.5)
+    found.z[:, :2], found.growth[:] = 4.0, 1.5
     found.shift[:, 1] = 0.3  # its limit does not grow
     assert [found.test(j)[0] for j in (0, 1)] == [6.0, 4.0]
