@@ -46,7 +46,7 @@ def pairs(body: memoryview) -> Iterator[tuple[str, str]]:
         yield key, value
 
 
-def chunk_data(body: memoryview, budget: Budget, whole: bool = True) -> memoryview:
+def chunk_data(body: memoryview, budget: Budget, whole: bool = True) -> bytes:
     """Uncompressed records of a chunk, verified by their checksum.
 
     Of a chunk truncated by the end of the file (not ``whole``), as much as is available.
@@ -69,7 +69,7 @@ def chunk_data(body: memoryview, budget: Budget, whole: bool = True) -> memoryvi
         raise DamageError(f"{len(data)} bytes after decompression, {size} announced")
     if whole and checksum and zlib.crc32(data) != checksum:
         raise DamageError("wrong checksum")
-    return memoryview(data)
+    return data
 
 
 def _decompress(compression: str, packed: bytes, size: int) -> bytes:

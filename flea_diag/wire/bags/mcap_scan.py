@@ -179,7 +179,7 @@ class McapScan:
             return
         for piece in self._pieces:
             if piece.opcode == CHUNK:
-                for _ in self._unpacked(stream, piece, quiet=True):
+                for _ in self._unpacked(stream, piece, definitions=True):
                     pass
                 self._budget.spend()
 
@@ -234,17 +234,19 @@ class McapScan:
         yield from waiting.before(None)
 
     def _unpacked(
-        self, stream: IO[bytes], piece: Piece, quiet: bool = False
+        self, stream: IO[bytes], piece: Piece, definitions: bool = False
     ) -> Iterator[McapMessage]:
+        """Messages; none, and nothing of damage yet, where ``definitions`` alone are wanted."""
         stream.seek(piece.offset)
         data = memoryview(stream.read(piece.size))
         try:
             if piece.opcode == MESSAGE:
                 yield from self._run(data, piece.offset)
             else:
-                yield from self._records(chunk_data(data, self._budget, piece.whole))
+                raw = chunk_data(data, self._budget, piece.whole)
+                yield from self._records(raw, definitions)
         except (DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
-            if piece.whole and not quiet:
+            if piece.whole and not definitions:
                 self._lose(f"rest of chunk at {piece.offset}: {error}")
 
     def _run(self, data: memoryview, offset: int) -> Iterator[McapMessage]:
@@ -258,8 +260,8 @@ class McapScan:
             except (DamageError, struct.error) as error:
                 self._lose(f"message at {offset + begin}: {error}")
 
-    def _records(self, data: memoryview) -> Iterator[McapMessage]:
-        raw = bytes(data)  # a piece of bytes is copied once, of a view twice
+    def _records(self, raw: bytes, definitions: bool) -> Iterator[McapMessage]:
+        data = memoryview(raw)  # a piece of bytes is copied once, of a view twice
         place = passed_over = 0
         end, head, opened = len(raw), RECORD.size, RECORD.unpack_from
         while place < end:
@@ -269,7 +271,8 @@ class McapScan:
             if place > end:
                 raise DamageError(f"record of {size} bytes announced, {end - begin} left")
             if opcode == MESSAGE:
-                yield self._message(raw, begin, place)
+                if not definitions:
+                    yield self._message(raw, begin, place)
                 continue
             passed_over += 1
             if passed_over % AT_ONCE == 0:
