@@ -166,6 +166,13 @@ def test_a_pass_over_a_file_has_a_budget_of_its_own(
     assert [sum(1 for _ in scan.messages()) for _ in range(5)] == [1000] * 5
 
 
+def test_a_channel_is_found_behind_a_message_of_it(tmp_path: Path) -> None:
+    """Where no summary names the channels, definitions are looked for first, and alone."""
+    path = tmp_path / "a.mcap"
+    path.write_bytes(header() + chunk(message(0) + slow_channel() + message(0)))
+    assert read_all(str(path)) == 2
+
+
 ENDLESS = "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) SELECT count(k) FROM n"
 
 
