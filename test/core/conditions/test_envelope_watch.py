@@ -184,7 +184,7 @@ def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None
 
 
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
-    said = stands.feed(stands.pipeline(), stands.scans(columns(420.0)))
+    said = stands.replay(stands.pipeline(), stands.scans(columns(420.0)))
     rows = [r for q in stands.of(DataQuality, said) for r in q.channels]
     words = {r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION}
     first = next(r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION)

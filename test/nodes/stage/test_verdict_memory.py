@@ -31,7 +31,7 @@ class Bus:
 def verdict() -> AmbiguityGroup:
     """A healthy one, with what was learned of the unit."""
     scans = stands.scans(ema.noisy(ema.run(seconds=9.0), 71))
-    return stands.verdict(stands.feed(stands.pipeline(), [stands.table(), *scans]))
+    return stands.verdict(stands.replay(stands.pipeline(), [stands.table(), *scans]))
 
 
 def test_what_is_kept_is_recalled(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def observed() -> tuple[Record, ...]:
 
 
 def diagnose(scans, extra: tuple[str, ...] = ()) -> list[Record]:
-    return stands.feed(stands.pipeline(), [stands.table(extra=extra), *scans])
+    return stands.replay(stands.pipeline(), [stands.table(extra=extra), *scans])
 
 
 def outcomes(records) -> list[Outcome]:

@@ -50,7 +50,7 @@ def diagnosed(
     onset_ns = stands.START_NS + 1e9 * bias_from_s
     scans = [biased(scan) if scan.stamp_ns >= onset_ns else scan for scan in scans]
     given = sorted((stands.table(), *scans, *decisions), key=lambda record: record.stamp_ns)
-    return tuple(stands.feed(Pipeline((observer, isolator)), given))
+    return tuple(stands.replay(Pipeline((observer, isolator)), given))
 
 
 def biased(scan: Scan) -> Scan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -38,6 +39,7 @@ def block(start: int, stop: int, loaded: int = NEVER) -> ScanBlock:
     return ScanBlock(np.array([scan.stamp_ns for scan in scans]), scans[0].channels, rows)
 
 
+@cache
 def detected_at() -> int:
     """Number of the scan that opens the episode, scans taken singly."""
     found = stands.feed(stands.observer(state_observer="none"), jammed())

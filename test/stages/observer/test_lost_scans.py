@@ -15,6 +15,7 @@ from support.decisions import BAGS
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.observer.lost_scans import parabola
+from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import (
@@ -23,7 +24,6 @@ from flea_diag.wire.records import (
     ChannelTable,
     Outcome,
     Record,
-    Residual,
     Scan,
 )
 
@@ -35,14 +35,9 @@ def records(bag: str) -> tuple[Record, ...]:
 
 def diagnosed(bag: str, lost: Callable[[int], bool]) -> dict[str, Any]:
     """Summary of a bag of which the scans for which ``lost`` holds never came."""
-    pipeline, kept, number = make_pipeline(load_stand()), [], 0
-    for record in records(bag):
-        if isinstance(record, Scan):
-            number += 1
-            if lost(number):
-                continue
-        kept += [record, *(r for r in pipeline.handle(record) if not isinstance(r, Residual))]
-    return summarise([*kept, *pipeline.finish()])
+    counted = itertools.count(1)
+    came = [r for r in records(bag) if not (isinstance(r, Scan) and lost(next(counted)))]
+    return summarise(diagnose(came, make_pipeline(load_stand())).kept)
 
 
 @pytest.mark.parametrize("run", [1, 3, 8, 12])

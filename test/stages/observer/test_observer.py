@@ -66,7 +66,7 @@ def test_a_biased_sensor_is_detected_by_its_own_residuals(channel, error, residu
         after(s, **{channel: s.values[at] + error}) if k >= 1200 else s
         for k, s in enumerate(healthy())
     ]
-    out = stands.feed(stands.observer(), faulty)
+    out = stands.replay(stands.observer(), faulty)
     (detection,) = stands.of(Detection, out)
     assert detection.residual.startswith(residual)
     assert 0.0 < (detection.stamp_ns - faulty[1200].stamp_ns) / 1e9 < 2.5

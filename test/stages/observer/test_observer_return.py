@@ -64,6 +64,11 @@ class Stand:
             self.said += self.pipeline.handle(record)
 
     def run(self, scans: list[Scan]) -> None:
+        """Before anybody falls."""
+        self.said += stands.said_in_blocks(self.pipeline, scans)
+
+    def go_on(self, scans: list[Scan]) -> None:
+        """Scan by scan, as they come from a stand."""
         for scan in scans:
             self.said += self.pipeline.handle(scan)
 
@@ -78,7 +83,7 @@ def returned(scans: list[Scan], killed: int) -> Stand:
     stand.run(scans[:killed])
     stand.come(stand.verdict)
     stand.said.clear()
-    stand.run(scans[killed + AWAY :])
+    stand.go_on(scans[killed + AWAY :])
     stand.said += stand.pipeline.finish()
     return stand
 
@@ -149,7 +154,7 @@ def test_a_verdict_that_was_kept_tells_both_of_them(fault: str, killed: int) -> 
     stand.isolator = stands.isolator()
     stand.come(kept)
     stand.said.clear()
-    stand.run(scans[killed + AWAY :])
+    stand.go_on(scans[killed + AWAY :])
     stand.said += stand.pipeline.finish()
     assert stand.verdict.offsets == kept.offsets != ()
     assert fault in stands.members(stand.verdict)
