@@ -26,7 +26,8 @@ def diagnosed(**more: Any) -> Diagnosis:
         "sensors": {"vibration": False},
     }
     stand = SimulatedStand(scenario_from_mapping({**values, **more}, "swing"))
-    return diagnose(list(stand), make_pipeline(load_stand("ema")))
+    # numpy, for to compile the relations of a stand takes longer than one run of it.
+    return diagnose(list(stand), make_pipeline(load_stand("ema"), observer_backend="numpy"))
 
 
 def test_what_a_drive_drops_under_its_current_is_no_shift_of_its_gain() -> None:

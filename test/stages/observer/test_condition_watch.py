@@ -160,7 +160,7 @@ def test_both_backends_find_the_same_contacts() -> None:
 def test_a_position_that_dies_at_an_end_is_no_contact(reading_m: float) -> None:
     fault = {"fault": "actuator_position_dead", "onset_s": 8.0, "size": reading_m, "where": "daq"}
     run = records(faults=[fault], duration_s=12.0, load={"constant_n": 150.0})
-    said = stands.feed(diagnosed(), [r for r in run if isinstance(r, (ChannelTable, Scan))])
+    said = stands.replay(diagnosed(), [r for r in run if isinstance(r, (ChannelTable, Scan))])
     assert contacts(tuple(said)) == []
     assert "actuator_position_dead" in stands.members(stands.verdict(said))
 
@@ -175,7 +175,7 @@ def test_where_no_position_is_read_the_stop_may_hold_the_part(lost: tuple[str, .
             given.append(record)
         elif record.stamp_ns - begins_ns < 10**9:
             given.append(after(record, **missing) if record.stamp_ns >= begins_ns else record)
-    last = stands.of(Residual, stands.feed(diagnosed(), given))[-30:]
+    last = stands.of(Residual, stands.replay(diagnosed(), given))[-30:]
     tested = {name for r in last for name, v in zip(r.names, r.values, strict=True) if v == v}
     assert ("parity_mechanical" in tested) == (len(lost) == 1)
     assert "parity_electrical" in tested
@@ -202,7 +202,7 @@ def held_back() -> tuple[Record, ...]:
 
 
 def test_an_alarm_just_before_contact_is_taken_back_and_the_verdict_says_why() -> None:
-    said = stands.feed(diagnosed(), held_back())
+    said = stands.replay(diagnosed(), held_back())
     opened, cleared = stands.of(Detection, said)
     assert opened.detected
     assert 0.0 < (cleared.stamp_ns - opened.stamp_ns) / 1e9 < 2.0

@@ -89,20 +89,20 @@ def test_an_episode_ends_by_itself_once_all_is_quiet():
     biased = columns["motor_current"].copy()
     biased[1000:1300] += 1.0
     columns["motor_current"] = biased
-    out = stands.feed(stands.observer(rearm_after_s=3.0), stands.scans(columns))
+    out = stands.replay(stands.observer(rearm_after_s=3.0), stands.scans(columns))
     found = stands.of(Detection, out)
     assert [(d.detected, d.episode) for d in found] == [(True, 1), (False, 1)]
     assert found[1].test == "quiet"
     assert found[1].stamp_ns >= stands.START_NS + 16 * S  # the bias went at 13 s
     stays = stands.of(
-        Detection, stands.feed(stands.observer(rearm_after_s=0.0), stands.scans(columns))
+        Detection, stands.replay(stands.observer(rearm_after_s=0.0), stands.scans(columns))
     )
     assert [d.detected for d in stays] == [True]
 
 
 def test_at_rest_nothing_is_called():
     still = ema.noisy(ema.run(seconds=12.0, reference=lambda t: 0.0), 53)
-    out = stands.feed(stands.observer(), stands.scans(still))
+    out = stands.replay(stands.observer(), stands.scans(still))
     assert decisions(out) == []
     assert np.isnan(stands.of(Residual, out)[-1].z[0])
 
@@ -111,7 +111,7 @@ def test_with_encoder_and_command_a_position_fault_stays_in_its_own_residuals():
     columns = ema.noisy(ema.run(seconds=16.0), 54)
     columns["actuator_position"] = columns["actuator_position"].copy()
     columns["actuator_position"][1000:] += 0.004
-    out = stands.feed(stands.observer(ema.CHANNELS), stands.scans(columns, ema.CHANNELS))
+    out = stands.replay(stands.observer(ema.CHANNELS), stands.scans(columns, ema.CHANNELS))
     assert len([d for d in stands.of(Detection, out) if d.detected]) == 1
     seen = {symbol.residual for symbol in stands.of(Symbols, out)[-1].symbols}
     assert "parity_kinematic" in seen

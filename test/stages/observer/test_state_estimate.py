@@ -31,7 +31,7 @@ def jammed() -> list[Scan]:
 
 
 def residuals(scans, **parameters) -> list[Residual]:
-    return stands.of(Residual, stands.feed(stands.observer(**parameters), scans))
+    return stands.of(Residual, stands.replay(stands.observer(**parameters), scans))
 
 
 @pytest.mark.parametrize("kind", ["particle", "kalman"])
@@ -161,7 +161,7 @@ def test_a_voltage_that_nothing_corroborates_tests_nothing():
 
 
 def test_innovations_detect_but_make_no_symbol():
-    out = stands.feed(stands.observer(), jammed())
+    out = stands.replay(stands.observer(), jammed())
     assert stands.of(Detection, out)
     for record in stands.of(Symbols, out):
         assert not any(s.residual.startswith("innovation") for s in record.symbols)
@@ -183,7 +183,7 @@ def test_another_unit_moves_innovations_as_far_as_the_calibration_foretells():
 def test_a_lost_track_that_no_relation_explains_is_a_model_mismatch():
     stage, lost = stands.isolator(), []
     scans = healthy(8.0)
-    for record in stands.feed(stands.observer(), [stands.table(), *scans]):
+    for record in stands.replay(stands.observer(), [stands.table(), *scans]):
         if isinstance(record, Residual):
             health = (150.0, 40.0, float(record.stamp_ns - scans[0].stamp_ns > 2_000_000_000))
             record = replace(record, health=health)

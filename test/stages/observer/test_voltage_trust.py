@@ -28,7 +28,7 @@ def test_a_bad_voltage_is_no_fault_and_is_named(volts, until):
     spoilt = [
         after(s, motor_voltage=volts) if 800 <= k < until else s for k, s in enumerate(healthy())
     ]
-    out = stands.feed(stands.observer(), spoilt)
+    out = stands.replay(stands.observer(), spoilt)
     assert decisions(out) == []
     found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)][:3]
     assert [row.quality for row in found] == [Quality.GOOD, Quality.GOOD, Quality.BAD]
@@ -43,7 +43,7 @@ def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
         after(s, motor_voltage=s.values[at] + 3.4) if k >= 1200 else s
         for k, s in enumerate(healthy())
     ]
-    out = stands.feed(stands.observer(), faulty)
+    out = stands.replay(stands.observer(), faulty)
     assert decisions(out) == []
     # The residual itself is there for whoever looks.
     last = stands.of(Residual, out)[-1]

@@ -16,16 +16,16 @@ S = 1_000_000_000
 def test_an_offset_that_is_there_from_the_start_is_the_units_own():
     at = healthy()[0].channels.index("motor_current")
     other = [after(s, motor_current=s.values[at] + 0.25) for s in healthy()]
-    out = stands.feed(stands.observer(), other)
+    out = stands.replay(stands.observer(), other)
     assert decisions(out) == []
     last = stands.of(Residual, out)[-1]
     current = last.regressors[last.regressor_names.index("motor_current")]
-    plain = stands.of(Residual, stands.feed(stands.observer(), healthy()))[-1]
+    plain = stands.of(Residual, stands.replay(stands.observer(), healthy()))[-1]
     assert current == pytest.approx(
         plain.regressors[plain.regressor_names.index("motor_current")], abs=0.02
     )
     # Without the warm-up nothing is learned.
-    untaught = stands.of(Residual, stands.feed(stands.observer(warm_up_s=0.0), other))[-1]
+    untaught = stands.of(Residual, stands.replay(stands.observer(warm_up_s=0.0), other))[-1]
     assert untaught.regressors[last.regressor_names.index("motor_current")] == pytest.approx(
         current + 0.25, abs=0.03
     )
