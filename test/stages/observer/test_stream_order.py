@@ -21,8 +21,8 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
             disturbed.append(jammed()[k - 5])
     stage, plain = stands.observer(), stands.observer()
     told = [
-        [r for r in stands.feed(each, run) if not isinstance(r, DataQuality)]
-        for each, run in ((stage, disturbed), (plain, jammed()))
+        [r for r in fed(each, run) if not isinstance(r, DataQuality)]
+        for fed, each, run in ((stands.feed, stage, disturbed), (stands.replay, plain, jammed()))
     ]
     assert repr(told[0]) == repr(told[1])
     found = counters(stage, jammed()[-1], "sensors/slow")
@@ -37,11 +37,11 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
 
 def test_a_jump_back_in_time_starts_afresh():
     stage = stands.observer()
-    stands.feed(stage, jammed())
+    stands.replay(stage, jammed())
     again = stands.feed(stage, healthy())
     assert stands.of(Detection, again) == []
     # The first nine are not yet believed.
-    fresh = stands.feed(stands.observer(), healthy()[9:])
+    fresh = stands.replay(stands.observer(), healthy()[9:])
     assert repr(stands.of(Residual, again)) == repr(stands.of(Residual, fresh))
 
 
