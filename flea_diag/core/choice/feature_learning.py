@@ -77,18 +77,26 @@ class FeatureStatistics:
         return tuple(fault for fault in self.counts if fault != NOMINAL)
 
     def probability(self, fault: str, feature: str, ends: Ends) -> tuple[float, ...]:
-        """P(symbol) of ``SYMBOLS``, divided at these ``ends``.
+        """P(symbol) of ``SYMBOLS``, divided at these ``ends``."""
+        (found,) = self.probabilities(fault, feature, (ends,)).tolist()
+        return tuple(found)
+
+    def probabilities(
+        self, fault: str, feature: str, choices: Sequence[Ends]
+    ) -> npt.NDArray[np.float64]:
+        """P(symbol) for each choice of ends, shape (choices, symbols).
 
         Relative counts of windows, with half a count added to each symbol so that none is 0.
         """
         values = self.deviations[feature][fault]
         known = np.sort(values[~np.isnan(values)])
-        low, high, upper = ends
-        below = np.searchsorted(known, [-low, -1.0], "left")
-        upto = np.searchsorted(known, [upper, 1.0, high], "right")
-        counts = np.diff([0, *below, *upto, len(known)])
-        smoothed = (counts + 0.5) / (len(known) + 0.5 * len(SYMBOLS))
-        return tuple(float(p) for p in smoothed)
+        low, high, upper = np.array(choices, dtype=float).T
+        one = np.ones(len(choices))
+        below = np.searchsorted(known, (-low, -one), "left")
+        upto = np.searchsorted(known, (upper, one, high), "right")
+        all_of_them = np.full((1, len(choices)), len(known))
+        counts = np.diff(np.concatenate((0 * all_of_them, below, upto, all_of_them)), axis=0).T
+        return np.ascontiguousarray((counts + 0.5) / (len(known) + 0.5 * len(SYMBOLS)))
 
 
 @dataclass(frozen=True)
@@ -220,9 +228,7 @@ def _evidence(
 
     Weighted by the share of windows in which the feature is computable.
     """
-    rows = np.array(
-        [[learned.probability(f, feature, ends) for f in learned.faults] for ends in ALL_ENDS]
-    )
+    rows = np.stack([learned.probabilities(f, feature, ALL_ENDS) for f in learned.faults], axis=1)
     roots = np.sqrt(rows)
     places = {fault: place for place, fault in enumerate(learned.faults)}
     first = roots[:, [places[a] for a, _ in pairs]]
