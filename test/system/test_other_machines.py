@@ -6,6 +6,7 @@ import pytest
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 from flea_sim_driver.scenario.library import find_scenario
 from flea_sim_driver.scenario.scenario_file import overridden
@@ -26,9 +27,9 @@ def test_a_fault_of_another_machine_is_found_by_its_description(
     """On a unit of the calibration (201), 12 s of healthy running before the fault."""
     drawn = overridden(find_scenario(fault, machine), fault, {"duration_s": 26.0, "unit_seed": 201})
     # numpy, for to compile the relations of a stand takes longer than one run of it.
-    pipeline, groups = make_pipeline(load_stand(machine), observer_backend="numpy"), []
-    for record in SimulatedStand(drawn):
-        groups += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    pipeline = make_pipeline(load_stand(machine), observer_backend="numpy")
+    kept = diagnose(SimulatedStand(drawn), pipeline).kept
+    groups = [record for record in kept if isinstance(record, AmbiguityGroup)]
     onset_ns = round((drawn.run.start_s + drawn.faults[0].onset_s) * 1e9)
     last = groups[-1]
     assert last.detected_stamp_ns > onset_ns
