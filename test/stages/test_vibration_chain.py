@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import stands
 from support.stand_runs import fault, records
 
 from flea_diag.configuration.component import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
@@ -119,14 +120,8 @@ def test_a_pit_of_half_a_millimetre_is_heard_by_its_kurtosis_and_told_from_the_r
         **fault("spall", 4.0, size=0.5),
     )
     pipeline = make_pipeline(load_stand())
-    groups = [
-        said
-        for record in made
-        if isinstance(record, ChannelTable | Scan | VibrationBlock)
-        for said in pipeline.handle(record)
-        if isinstance(said, AmbiguityGroup)
-    ]
-    found = groups[-1]
+    kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
+    found = last([*stands.said_in_blocks(pipeline, kept)])
     assert [member.fault for member in found.members] == ["spall"]
     assert re.match(r"accelerometer_2_[xyz]: kurtosis .* in motion", found.opened_by)
     first = found.members[0].evidence[0]
@@ -145,7 +140,7 @@ def test_a_screw_that_shows_no_drag_is_not_jammed() -> None:
     )
     pipeline = make_pipeline(load_stand())
     kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
-    found = last([said for record in kept for said in pipeline.handle(record)])
+    found = last([*stands.said_in_blocks(pipeline, kept)])
     assert [member.fault for member in found.members] == ["spall"]
     (jam,) = [row for row in found.dropped if row.fault == "jam"]
     assert "nats below the most likely fault" in jam.reason
@@ -279,7 +274,7 @@ def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
     """Whether the shift or the vibration is detected first."""
     pipeline = make_pipeline(load_stand())
     made = [r for r in records(**scenario, sensors={}) if not isinstance(r, Truth)]
-    out = [said for record in made for said in pipeline.handle(record)]
+    out = [*stands.said_in_blocks(pipeline, made)]
     said = [r for r in out if isinstance(r, Detection | AmbiguityGroup)]
     shifts = [n for n, r in enumerate(said) if isinstance(r, Detection) and r.detected]
     heard = [n for n, r in enumerate(said) if "kurtosis" in getattr(r, "opened_by", "")]
@@ -301,8 +296,7 @@ def jammed(size: float) -> tuple[Record, ...]:
 
 def verdict_without(kinds: tuple[type, ...], made: tuple[Record, ...]) -> AmbiguityGroup:
     pipeline = make_pipeline(load_stand())
-    out = [caused for r in made if not isinstance(r, kinds) for caused in pipeline.handle(r)]
-    return last([*out, *pipeline.finish()])
+    return last(stands.replay(pipeline, [r for r in made if not isinstance(r, kinds)]))
 
 
 def test_a_jam_that_all_but_stops_the_actuator_is_called() -> None:
