@@ -42,6 +42,14 @@ class Stop(Frozen):
         """Whether the ends are known and a channel reads where the part is."""
         return bool(self.channels) and self.low_m < self.high_m
 
+    def contradicts(self, side: int) -> dict[str, str]:
+        """Sign of each balance that contact with the lower (-1) or upper (1) stop never gives.
+
+        A stop pushes back only, so it moves a balance to one side.
+        """
+        fixed = {name: gain for name, gain in self.reactions.items() if math.isfinite(gain)}
+        return {name: "+" if gain * side > 0.0 else "-" for name, gain in fixed.items()}
+
     def within(self, ranges: Mapping[str, tuple[float, float]]) -> Stop:
         """The same, with ends that were not stated taken from the narrowest range of a channel."""
         stated = [ranges[channel] for channel in self.channels if channel in ranges]

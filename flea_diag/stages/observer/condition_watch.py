@@ -59,11 +59,15 @@ def at_limit(values: Array, low: float, high: float) -> list[bool]:
 
 @dataclass(frozen=True, slots=True)
 class Voided(Frozen):
-    """A condition that has just begun: its words, what it voids, how old an alarm it takes back."""
+    """A condition that has just begun: its words, what it voids, how old an alarm it takes back.
+
+    ``excludes``: column and magnitude of the symbols that it cannot have caused.
+    """
 
     words: str
     columns: frozenset[int]
     takes_back_s: float
+    excludes: frozenset[tuple[int, str]] = frozenset()
 
 
 class ConditionWatch:
@@ -186,4 +190,6 @@ class ConditionWatch:
     def _contact(self) -> Voided:
         """What contact voids: the balances of the stopped part, and the state observer."""
         columns = frozenset((*self._columns, *self._rows.columns(self._rows.innovations)))
-        return Voided(self._place(), columns, NAMED[END_OF_TRAVEL].takes_back_s)
+        never = self._travel.stop.contradicts(self._travel.side)
+        excludes = frozenset((self._rows.place[name], sign) for name, sign in never.items())
+        return Voided(self._place(), columns, NAMED[END_OF_TRAVEL].takes_back_s, excludes)

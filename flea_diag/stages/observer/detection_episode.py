@@ -161,9 +161,14 @@ class DetectionEpisode:
         return Symbols(stamp_ns, self._last_number, tuple(rows))
 
     def take_back(self, stamp_ns: int, voided: Voided) -> tuple[Record, ...]:
-        """Close a young episode all of whose residuals a condition, which now begins, voids."""
+        """Close a young episode that a condition, which now begins, explains.
+
+        It voids all residuals that the episode rests on, and may have moved them as they moved.
+        """
         rests_on = self._opened_by.union(self._symbols)
         if self.episode is None or not rests_on or not rests_on <= voided.columns:
+            return ()
+        if any((j, state.magnitude) in voided.excludes for j, state in self._symbols.items()):
             return ()
         if stamp_ns - self.episode.detected_ns > voided.takes_back_s * 1e9:
             return ()

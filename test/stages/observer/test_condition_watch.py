@@ -238,6 +238,26 @@ def test_only_a_young_alarm_all_of_whose_residuals_are_void_is_taken_back(
     assert episode.is_open is not taken_back
 
 
+@pytest.mark.parametrize(("z", "taken_back"), [(9.0, True), (-9.0, False)])
+def test_an_alarm_to_the_side_that_a_stop_never_pushes_is_not_taken_back(
+    z: float, taken_back: bool
+) -> None:
+    rows = stands.relations().residuals
+    column = rows.place["parity_mechanical"]
+    results = Results(len(rows.rows))
+    results.z[0, column], results.k[0, column] = z, 5.0
+    episode = DetectionEpisode(rows, 30.0)
+    episode.step(0, results)
+    voided = Voided("at its upper end", frozenset({column}), 2.0, frozenset({(column, "-")}))
+    assert (len(episode.take_back(10**9, voided)) == 1) is taken_back
+
+
+def test_a_stop_moves_a_balance_to_one_side_only() -> None:
+    stop = Stop(reactions={"parity_mechanical": -1.0, "parity_mechanical_dn": float("nan")})
+    assert stop.contradicts(1) == {"parity_mechanical": "-"}
+    assert stop.contradicts(-1) == {"parity_mechanical": "+"}
+
+
 def watch(stop: Stop) -> ConditionWatch:
     calibration = learned(load_stand())
     known = of_stand.relations(load_stand(), calibration)
