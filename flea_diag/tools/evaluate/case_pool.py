@@ -42,8 +42,9 @@ def _until_it_breaks(
         try:
             while True:
                 for case in islice(cases, 2 * jobs - len(running)):
-                    suspects.append(case)  # a broken pool refuses it
-                    running[pool.submit(work, case)] = suspects.pop()
+                    suspects.append(case)
+                    future = pool.submit(work, case)  # a broken pool refuses it
+                    running[future] = suspects.pop()
                 if not running:
                     return
                 done, _ = wait(running, return_when=FIRST_COMPLETED)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+from collections.abc import Iterator
 
-from support.evaluations import die_on_seven, name_it, numbered
+from support.evaluations import die_on_seven, name_it, numbered, until
 
+from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.evaluate.case_pool import run_all
 from flea_diag.tools.refused import DIED
 
@@ -23,3 +26,13 @@ def test_a_run_that_takes_its_process_down_is_one_failed_line() -> None:
     results = list(run_all(CASES, die_on_seven, 2))
     assert sorted(result.id for result in results) == NAMES
     assert {result.id: result.failure for result in results if result.failure} == {"n/7": DIED}
+
+
+def test_a_run_that_a_broken_pool_refuses_is_not_lost() -> None:
+    def drawn() -> Iterator[Case]:
+        yield from CASES[7:8]
+        until(lambda: not multiprocessing.active_children(), "the death of the worker")
+        yield from CASES[8:]
+
+    results = list(run_all(drawn(), die_on_seven, 1))
+    assert sorted(result.id for result in results) == sorted(case.id for case in CASES[7:])
