@@ -151,11 +151,8 @@ def motion_tests(
             s.probability / total * (len(suspects) - len(dropped.get(s.fault, ())))
             for s in suspects
         )
-        pairs = {
-            tuple(sorted((truth, gone))) for truth, faults in dropped.items() for gone in faults
-        }
-        splits = tuple(sorted((one, two) for one, two in pairs))
         if len(suspects) - size >= WORTH_SIZE:
+            splits = _pairs(dropped)
             found.append(StandTest("motion", motion.name, motion.seconds, size, splits))
     return tuple(found)
 
