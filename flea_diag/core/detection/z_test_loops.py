@@ -52,7 +52,7 @@ def nearest_loops(
     spread: tuple[int, int, Array],
     held: Array,
 ) -> None:
-    """Of each residual the test nearest to its limit goes into ``held``."""
+    """Of each residual the test nearest to its limit: z, limit, window and growth in ``held``."""
     lengths, run = counts
     start, spreading, tolerance = spread
     units, residuals = len(tolerance), held.shape[1]

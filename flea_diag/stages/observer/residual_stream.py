@@ -102,7 +102,9 @@ class ResidualStream:
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._unit: tuple[ChannelQuality, ...] = ()
         self._period_ns = round(c.period_s * 1e9)
-        self.begun, self._last_ns = False, NEVER_NS
+        self.begun = False
+        """Whether it has had its first scan."""
+        self._last_ns = NEVER_NS
 
     def begin(self, stamp_ns: int) -> None:
         """The first scan is that of this stamp."""
