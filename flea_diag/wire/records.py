@@ -208,7 +208,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """Magnitude and slope of one residual as signs (+, -, 0; ``?`` = unknown)."""
+    """Magnitude and slope of one residual as signs (+, -, 0; ``?`` = unknown, ``*`` = any)."""
 
     residual: str
     magnitude: str

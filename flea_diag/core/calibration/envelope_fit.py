@@ -23,7 +23,7 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.thermal import SupplyMean
+from flea_diag.core.residuals.thermal import Heating, SupplyMean
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
@@ -161,9 +161,18 @@ def _largest(trace: Trace, column: int, place: npt.NDArray[np.int64], window: in
     return means
 
 
-def loaded(trace: Trace, envelope: CalibrationEnvelope | None, relations: RelationSet) -> Trace:
-    """The trace with its loads in the metric of the recordings."""
-    metric = envelope.load_metric if envelope else np.empty((0, 0))
+def loaded(
+    trace: Trace,
+    envelope: CalibrationEnvelope | None,
+    relations: RelationSet,
+    parameters: ActuatorParameters,
+    period_s: float,
+) -> Trace:
+    """The trace with its loads and what heats its stores, in the metric of the recordings."""
+    if envelope is None:
+        return trace
+    _, supplied = Heating(relations, parameters, period_s, envelope).step(trace.signals)
+    trace, metric = replace(trace, supplied=supplied), envelope.load_metric
     if not len(metric):
         return trace
     basis = LeverageBasis(relations)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
-from flea_diag.core.detection.coefficient_shift import CoefficientShift
+from flea_diag.core.detection.coefficient_shift import CoefficientShift, coefficient_rows
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -46,6 +46,8 @@ class Trace:
     """Smallest and largest reading of each channel of a temperature."""
     loads: Array = field(default_factory=lambda: np.empty((0, 0)))
     """In the metric of the recordings, shape (scans, loads); without scans where not known."""
+    supplied: Array | None = None
+    """What heats each predicted store, as ``OperatingPlace.supplied``."""
 
 
 def trace(
@@ -153,7 +155,7 @@ def coefficient_shifts(
 def _coefficient_rows(
     trace: Trace, terms: Sequence[ReadingTerm], tolerance: Array, between: float
 ) -> tuple[Array, Flags]:
-    """As ``CoefficientShift.step`` takes them: the rows, and which scans count.
+    """``coefficient_rows`` of a recording, and which scans count.
 
     ``between`` is the variance of the residual between recordings.
     """
@@ -162,8 +164,9 @@ def _coefficient_rows(
     spread = np.zeros((len(trace.values), len(tolerance)))
     if trace.spread is not None:
         spread = trace.spread[:, known.spreading.index(column), list(first.units)]
-    readings = trace.signals[:, [term.signal for term in terms]] - [term.zero for term in terms]
     loads = trace.loads * np.sqrt(between)
     loads = loads if len(loads) else np.empty((len(spread), 0))
-    rows = np.concatenate((spread * tolerance, loads, trace.values[:, [column]], readings), axis=1)
+    rows = coefficient_rows(
+        terms, spread * tolerance, loads, trace.supplied, trace.values[:, column], trace.signals
+    )
     return rows, trace.moving & np.isfinite(rows).all(axis=1)

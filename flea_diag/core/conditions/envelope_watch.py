@@ -35,7 +35,7 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.residuals.thermal import SupplyMean
+from flea_diag.core.residuals.thermal import Heating
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -47,12 +47,14 @@ class OperatingPlace:
 
     ``beyond``: leverage of each residual beyond the reach; ``travel``: its factor at an end of the
     travel. Both of shape (n, residuals), None where no scan has any. ``loads``, shape (n, loads),
-    are those of ``leverage.PLACE``; None where no envelope knows any.
+    are those of ``leverage.PLACE``; None where no envelope knows any. ``supplied``, shape
+    (n, 2 stores), is what ``Heating`` gives.
     """
 
     beyond: Array | None = None
     travel: Array | None = None
     loads: Array | None = None
+    supplied: Array | None = None
 
     def variance(self) -> Array | None:
         """Variance of residuals divided by ``travel``, in times that inside; None: it is 1."""
@@ -113,8 +115,8 @@ class EnvelopeWatch:
         self._least = np.minimum(self._reach, self._far)
         self._starts = np.array(self._basis.starts)
         self._loads = self._basis.loads(known.load_metric)
-        self._supply = SupplyMean(relations, parameters, period_s)
-        self._most = np.array([known.supplies.get(name, np.inf) for name in stores])
+        self._heating = Heating(relations, parameters, period_s, known)
+        self._most = self._heating.most
         self._known = table = relations.residuals
         self._channel, self._position = known.position, table.channel(known.position)
         self._ranges, self._signals = known.ranges, relations.signals
@@ -147,13 +149,13 @@ class EnvelopeWatch:
         beyond, travel = None, self._at(position)
         psi = self._basis.rows(residuals.signals, position)
         loads = np.ascontiguousarray(psi[:, self._loads])
-        supplied = self._supply.step(residuals.signals)
+        share, heating = self._heating.step(residuals.signals)
         h = np.empty((count, len(self._least)))
         h[:, : len(self._starts)] = leverages(psi, self._root, self._starts)
-        h[:, len(self._starts) :] = np.square(supplied / self._most)
+        h[:, len(self._starts) :] = np.square(share)
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
         within = not np.count_nonzero(h > self._least)
-        self.place = OperatingPlace(loads=loads)
+        self.place = OperatingPlace(loads=loads, supplied=heating)
         if within and travel is None and not (self.outside or any(self._beyond)):
             return count
         if not within:
@@ -166,11 +168,11 @@ class EnvelopeWatch:
             # What a prediction is off by shows in proportion to the regressors, wherever they are.
             for k, columns in enumerate(self._columns[relations:], start=relations):
                 beyond[:, columns] = (1.0 + beyond[:, columns]) * (1.0 + over[:, k, None]) - 1.0
-        self.place = OperatingPlace(beyond, travel, loads)
+        self.place = OperatingPlace(beyond, travel, loads, heating)
         far = h > self._far
         if not (np.count_nonzero(far) or self.outside or any(self._beyond)):
             return count
-        return self._turn(far, rows, residuals.signals, supplied)
+        return self._turn(far, rows, residuals.signals, share)
 
     def _at(self, position: Array) -> Array | None:
         """Factor of each residual at the ends of the travel; None where no scan is at one."""
@@ -182,7 +184,7 @@ class EnvelopeWatch:
         places = stretches(position, self._travel.edges)
         return self._factors[places] if (places != 1).any() else None
 
-    def _turn(self, far: Flags, rows: Array, signals: Array, supplied: Array) -> int:
+    def _turn(self, far: Flags, rows: Array, signals: Array, share: Array) -> int:
         """Follow the scans up to the first that changes the state."""
         for scan, flags in enumerate(far.tolist()):
             for k, beyond in enumerate(flags):
@@ -196,26 +198,26 @@ class EnvelopeWatch:
             )
             if outside != self.outside:
                 self.outside = outside
-                where = rows[scan], signals[scan], supplied[scan]
+                where = rows[scan], signals[scan], share[scan]
                 self.words = self._said(*where) if outside else ""
                 self.turned = True
                 return scan
         return len(far)
 
-    def _said(self, row: Array, signals: Array, supplied: Array) -> str:
+    def _said(self, row: Array, signals: Array, share: Array) -> str:
         """Which variable is out of its range, and what is not tested."""
         first = self.outside[0]
         hot = first - len(self._basis.names)
-        place = self._place(row, signals) if hot < 0 else self._heat(hot, supplied[hot])
+        place = self._place(row, signals) if hot < 0 else self._heat(hot, share[hot])
         columns = chain.from_iterable(self._columns[k] for k in self.outside)
         names = [*dict.fromkeys(self._known.rows[j].name for j in columns)]
         names[-1:] = [names[-1]] if hot >= 0 else [f"{names[-1]} and the state observer"]
         return f"{place} calibrated: {', '.join(names)} not tested"
 
-    def _heat(self, store: int, supplied: float) -> str:
+    def _heat(self, store: int, share: float) -> str:
         name, unit = self._stores[store]
         most = self._most[store]
-        return f"{name} is supplied with {supplied:.3g} {unit}/s, up to {most:.3g} {unit}/s was"
+        return f"{name} is supplied with {share * most:.3g} {unit}/s, up to {most:.3g} {unit}/s was"
 
     def _place(self, row: Array, signals: Array) -> str:
         """The signal that is farthest out of its range, if any is."""

@@ -12,7 +12,10 @@ b and its error follow from least squares over the window and what came before i
     z = (sum y r - h' A^-1 g) / (sigma sqrt(D)),   D = sum y^2 - h' A^-1 h,
     A = sum psi psi' + sigma^2,   g = sum psi r,   h = sum psi y,
 
-sums with y over the last w, the others over both. From a detection on what came before is frozen.
+sums with y over the last w, the others over both. A parameter that follows the temperature of a
+predicted store does not stay what it is: what is heated is ahead of what is measured. So psi holds
+it a second time, in proportion to what heats that
+store (``Heating``). From a detection on what came before is frozen.
 Sums are taken over bins of scans, so blocks of scans and single ones give the same bits.
 """
 
@@ -207,16 +210,21 @@ class CoefficientTests:
         self._order = [order.index(test) for test in self.tests]
 
     def step(
-        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array | None
+        self,
+        rows: ResidualRows,
+        change: Array,
+        leverage: Array | None,
+        loads: Array | None,
+        supplied: Array | None,
     ) -> tuple[Array, Array]:
         """Z and shifts after each of n scans, each of shape (n, tests, windows).
 
         ``change`` of the unit's parameters is in the residuals, ``leverage``, shape
         (n, residuals), beyond the reach: what was not calibrated there is none of the unit.
-        ``loads`` are as in ``MeanShiftTest.step``.
+        ``loads`` and ``supplied`` are as in ``MeanShiftTest.step``.
         """
         known = np.zeros((len(rows), self._loads)) if loads is None else np.nan_to_num(loads)
-        found = [group.step(rows, change, leverage, known) for group in self._groups]
+        found = [group.step(rows, change, leverage, known, supplied) for group in self._groups]
         joined = np.concatenate(found, axis=2)[:, :, self._order]
         return joined[:, 0], joined[:, 1]
 
@@ -232,6 +240,31 @@ def neglected_by(loads: Array, weights: Array) -> Array:
     for place, column in enumerate(weights.T):
         found[:, place] = summed_in_order(loads * column)
     return found
+
+
+def coefficient_rows(
+    terms: Sequence[ReadingTerm],
+    units: Array,
+    loads: Array,
+    supplied: Array | None,
+    residual: Array,
+    signals: Array,
+) -> Array:
+    """Rows of ``CoefficientShift.step`` of one residual, its psi as long as ``own_count`` says.
+
+    ``units``, shape (n, units), is what its unit's parameters do within their tolerances, and
+    ``loads``, shape (n, loads), what it may neglect under each load.
+    """
+    if supplied is None:
+        supplied = np.zeros((len(units), 1 + max((k for _, k in terms[0].warmed), default=0)))
+    warmed = [units[:, place] * supplied[:, k] for place, k in terms[0].warmed]
+    readings = [signals[:, term.signal] - term.zero for term in terms]
+    return np.column_stack((units, loads, *warmed, residual, *readings))
+
+
+def own_count(term: ReadingTerm, loads: int) -> int:
+    """How many columns of ``coefficient_rows`` are psi."""
+    return len(term.units) + loads + len(term.warmed)
 
 
 class _Group:
@@ -254,13 +287,17 @@ class _Group:
         self._place = known.spreading.index(self._column)
         self._units = list(terms[0].units)
         self._tolerance = np.array(tolerance)[self._units]
-        self._signals, self._zeros = [t.signal for t in terms], [t.zero for t in terms]
-        self.shift = CoefficientShift(
-            len(self._units) + len(neglected), len(terms), sigma, counts=counts
-        )
+        self._signals = [term.signal for term in terms]
+        own = own_count(terms[0], len(neglected))
+        self.shift = CoefficientShift(own, len(terms), sigma, counts=counts)
 
     def step(
-        self, rows: ResidualRows, change: Array, leverage: Array | None, loads: Array
+        self,
+        rows: ResidualRows,
+        change: Array,
+        leverage: Array | None,
+        loads: Array,
+        supplied: Array | None,
     ) -> Array:
         """``CoefficientShift.step`` of these rows, in motion and where its readings have been.
 
@@ -270,14 +307,13 @@ class _Group:
         spread = rows.spread[:, self._place]
         learned = summed_in_order(spread * change)
         readings = rows.signals[:, self._signals]
-        made = np.concatenate(
-            (
-                spread[:, self._units] * self._tolerance,
-                neglected_by(loads, self._neglected),
-                (rows.values[:, self._column] - learned)[:, None],
-                readings - self._zeros,
-            ),
-            axis=1,
+        made = coefficient_rows(
+            self.terms,
+            spread[:, self._units] * self._tolerance,
+            neglected_by(loads, self._neglected),
+            supplied,
+            rows.values[:, self._column] - learned,
+            rows.signals,
         )
         seen = (self._low <= readings) & (readings <= self._high)
         use = rows.moving & seen.all(axis=1)

@@ -7,8 +7,9 @@ distance from zero is held against the limit that the shift alone would have, an
 A witness adds no more than the voltage says itself: a drag alone is none.
 
 Where the coefficient of a residual on a reading shifts (``coefficient_shift``), the residual
-changes its sign with that reading. It deviates with the sign that it has now, and keeps it in the
-episode that it opens.
+changes its sign with that reading, and with the side on which the motor works: a resistance that
+has risen adds to the voltage while it drives, and takes from it while it brakes. So it deviates
+without a sign (``symbols.ANY``).
 """
 
 from __future__ import annotations
@@ -67,7 +68,6 @@ class MeanShiftTest:
         self._fired: list[int] = []
         self._openers: list[int] = []
         """Columns whose shift has just exceeded its limit, and those that opened the episode."""
-        self._signs: dict[int, float] = {}
         coefficients = [limit for limit in limits if limit.along]
         limits = [limit for limit in limits if not limit.along]
         names = list(dict.fromkeys(limit.name for limit in limits))
@@ -112,6 +112,7 @@ class MeanShiftTest:
         alone: Flags | None,
         leverage: Array | None = None,
         loads: Array | None = None,
+        supplied: Array | None = None,
     ) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
@@ -121,6 +122,7 @@ class MeanShiftTest:
         stands ``alone``, shape (n,), None: nowhere, needs a witness to open one, and says nothing
         in one that anything else has opened. ``leverage``, shape (n, residuals), is that beyond the
         reach, and ``loads`` has shape (n, loads), NaN where one is not read; None: nowhere.
+        ``supplied`` is ``Heating`` of each predicted store; None: not known.
         """
         self._fired = []
         if self._open and not self._openers:
@@ -131,7 +133,7 @@ class MeanShiftTest:
         if beyond or alone is not None:
             self._judge_means(results, alone, z, shifts)
         if self._coefficients:
-            found = self._coefficients.step(rows, self._change, leverage, loads)
+            found = self._coefficients.step(rows, self._change, leverage, loads, supplied)
             self._judge_coefficients(self._coefficients, results, alone, *found)
 
     def _silent(self, column: int) -> bool:
@@ -166,8 +168,6 @@ class MeanShiftTest:
     ) -> None:
         """Shifts of coefficients."""
         if not (np.abs(z) > tests.k).any():
-            if not self._open:
-                self._signs.clear()
             return
         for test, (column, along) in enumerate(tests.tests):
             if self._silent(column):
@@ -175,32 +175,9 @@ class MeanShiftTest:
             here, shift = z[:, test], shifts[:, test]
             if alone is not None and column in self._need_voltage:
                 here = np.where(alone[:, None], np.nan, here)
-            sign = self._held_sign(test, here, tests.k[test])[:, None]
-            here, shift = np.abs(here) * sign, np.abs(shift) * sign
             if self._judge(here, column, (tests.windows, tests.k[test]), results, shift)[-1]:
                 self._fired.append(column)
                 results.along[column] = along
-
-    def _held_sign(self, test: int, z: Array, k: Array) -> Array:
-        """Sign after each of n scans of the window nearest to its limit, z of shape (n, windows).
-
-        In an episode it stays what it was when the first one was beyond its limit.
-        """
-        share = np.nan_to_num(np.abs(z) / k)
-        beyond: Flags = np.any(share > 1.0, axis=1)
-        nearest = np.take_along_axis(z, share.argmax(axis=1)[:, None], axis=1)[:, 0]
-        signs = np.where(nearest < 0.0, -1.0, 1.0)
-        held = self._signs.get(test, 0.0) if self._open else 0.0
-        if self._open and not held and beyond.any():
-            first = int(beyond.argmax())
-            held = float(signs[first])
-            signs[first:] = held
-        elif held:
-            signs[:] = held
-        elif not self._open and beyond[-1]:
-            held = float(signs[-1])
-        self._signs[test] = held
-        return signs
 
     def _place(
         self, count: int, leverage: Array | None, loads: Array | None

@@ -20,6 +20,9 @@ from dataclasses import dataclass, replace
 from flea_diag.core.frozen import Frozen
 
 UNKNOWN = "?"
+ANY = "*"
+"""Magnitude of a residual whose coefficient on a reading has shifted: its sign is that of a fault
+only while current, voltage and speed have the sides that they mostly had."""
 SLOPE_S = 2.0  # after the paper
 SLOPE_LIMIT = 3.0 * 2.0**0.5
 """Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
@@ -47,14 +50,19 @@ class SymbolState(Frozen):
     test: Test
 
 
-def crossed(z: float, test: Test, stamp_ns: int) -> SymbolState:
-    """State of a residual that has just passed the limit of this test."""
-    return SymbolState("+" if z > 0 else "-", UNKNOWN, stamp_ns, z, test)
+def crossed(z: float, test: Test, stamp_ns: int, signed: bool = True) -> SymbolState:
+    """State of a residual that has just passed the limit of this test, ``signed`` or not."""
+    sign = "+" if z > 0 else "-"
+    return SymbolState(sign if signed else ANY, UNKNOWN, stamp_ns, z, test)
 
 
 def later(state: SymbolState, z: float, test: Test, stamp_ns: int) -> SymbolState:
     """The same residual at a later scan: its slope once enough time has passed."""
-    if state.slope != UNKNOWN or stamp_ns - state.since_ns < SLOPE_S * 1e9:
+    if (
+        state.magnitude == ANY
+        or state.slope != UNKNOWN
+        or stamp_ns - state.since_ns < SLOPE_S * 1e9
+    ):
         return state
     if z != z or test != state.test or math.isnan(test[2]):
         return state

@@ -88,7 +88,8 @@ def compatible(
     Parameters
     ----------
     observed_magnitude, observed_slope : ``+``, ``-``, ``0`` or ``?`` (not yet known)
-        A normal residual (0) refutes no fault: the effect may be below the threshold.
+        A normal residual (0) refutes no fault: the effect may be below the threshold. A magnitude
+        ``*`` deviates without a sign, and refutes what does not affect the residual.
     jump_visible
         Whether a jump can be distinguished from a fast rise on this residual. If not, a rise
         from zero (``0+``), a step (``+0``) and a growing jump (``++``) are indistinguishable.
@@ -98,7 +99,7 @@ def compatible(
         return Compatibility(True, f"{said}: a normal residual refutes no fault")
     if not predicted.affected:
         return Compatibility(False, f"{said}: this fault does not affect this residual")
-    if predicted.direction not in (observed_magnitude, "*"):
+    if observed_magnitude != "*" and predicted.direction not in (observed_magnitude, "*"):
         return Compatibility(False, f"{said}: opposite sign")
     if observed_slope == "?":
         return Compatibility(True, f"{said}: sign consistent, slope not yet known")

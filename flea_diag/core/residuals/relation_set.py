@@ -168,6 +168,7 @@ class RelationSet(Frozen):
                 self.signals.index(name),
                 float(zeros.get(name, 0.0)),
                 self._depends(row.relation),
+                self._warmed(row.relation),
             )
             for row in rows.parities
             if row.differs and not row.normalised and row.relation in self.named
@@ -180,6 +181,17 @@ class RelationSet(Frozen):
         """Places of the unit parameters that a relation depends on."""
         row = self.named[relation]
         return tuple(k for k, unit in enumerate(self.units) if self._apart(row, unit) != ZERO)
+
+    def _warmed(self, relation: str) -> tuple[tuple[int, int], ...]:
+        """Parameters of ``_depends`` that follow a predicted store, and which."""
+        row, stores = self.named[relation], [store.name for store in self.predictions]
+        return tuple(
+            (place, stores.index(self.predicted[signal]) + lag * len(stores))
+            for place, unit in enumerate(self._depends(relation))
+            for signal in symbols(self._apart(row, self.units[unit]))
+            if signal in self.predicted
+            for lag in range(2)
+        )
 
     def _apart(self, row: CompiledRelation, unit: str) -> Expression:
         """D r / d theta; 0 for what healthy units are alike in unless the description says more."""

@@ -78,7 +78,9 @@ class Parity(Frozen):
 class ReadingTerm(Frozen):
     """A channel that a residual reads as it is: its column among the signals, and its zero.
 
-    ``units`` are the places of the unit parameters that the residual depends on.
+    ``units`` are the places of the unit parameters that the residual depends on. ``warmed`` are
+    those that follow a store which is predicted: the place among ``units``, and that store's in
+    ``Heating``.
     """
 
     residual: str
@@ -86,6 +88,7 @@ class ReadingTerm(Frozen):
     signal: int
     zero: float
     units: tuple[int, ...] = ()
+    warmed: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

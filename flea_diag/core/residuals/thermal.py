@@ -18,7 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.residuals.leverage import CalibrationEnvelope
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.symbolic.expression import symbols
 from flea_diag.errors import ModelError, shown
 
 Array = npt.NDArray[np.float64]
@@ -26,6 +28,9 @@ Places = npt.NDArray[np.int64]
 
 CORRECTION_S = 15.0
 """Slow against a step or a drift of a sensor, fast against what heat alone can do."""
+
+STRANGE = 0.1
+"""Share of the largest supply seen that may come from beyond the ranges of the recordings."""
 
 ESTIMATE, SUM, STARTED, SAMPLES = range(4)
 """Places in the state of a store."""
@@ -156,3 +161,51 @@ class SupplyMean:
 
     def _next(self, mean: float, flow: float) -> float:
         return mean + self._share * (flow - mean)
+
+
+class Heating:
+    """How far what is heated is ahead of the store that is predicted: two regressors a store.
+
+    A winding leads its housing by what flows between them, after a lag that no recording of the
+    housing tells. Means of the supply (``SupplyMean``), taken once and twice, span such lags as
+    recordings have shown. Heat from beyond their ranges, as that of a current against a stop, is
+    none of them: while it lasts, nothing is known.
+    """
+
+    def __init__(
+        self,
+        relations: RelationSet,
+        parameters: Any,
+        period_s: float,
+        envelope: CalibrationEnvelope,
+    ) -> None:
+        self._share = period_s / CORRECTION_S
+        self._supply, self._strange = (
+            SupplyMean(relations, parameters, period_s) for _ in range(2)
+        )
+        self.most = np.array([envelope.supplies.get(s.name, np.inf) for s in relations.predictions])
+        """Largest ``SupplyMean`` of each store that was seen, shape (stores,)."""
+        self._twice = [0.0] * len(self.most)
+        read = {name for store in relations.predictions for name in symbols(store.supply)}
+        read &= set(envelope.ranges)
+        self._read = [k for k, name in enumerate(relations.signals) if name in read]
+        ranges = [envelope.ranges[relations.signals[k]] for k in self._read]
+        self._low, self._high = np.array(ranges).reshape(-1, 2).T
+
+    def step(self, signals: Array) -> tuple[Array, Array]:
+        """``SupplyMean`` of n scans in times the most seen, shape (n, stores), and what follows it.
+
+        That has shape (n, 2 stores): the same, then the mean of it; NaN where it is not known.
+        """
+        share = self._supply.step(signals) / self.most
+        columns = zip(self._twice, share.T.tolist(), strict=True)
+        twice = [list(accumulate(mean, self._next, initial=last))[1:] for last, mean in columns]
+        self._twice = [column[-1] for column in twice]
+        read = signals[:, self._read]
+        beyond = ((read < self._low) | (read > self._high)).any(axis=1, keepdims=True)
+        strange = self._strange.step(np.where(beyond, signals, np.nan)) / self.most
+        once = np.where(strange > STRANGE, np.nan, share)
+        return share, np.column_stack((once, *map(np.array, twice)))
+
+    def _next(self, twice: float, mean: float) -> float:
+        return twice + self._share * (mean - twice)

@@ -98,7 +98,9 @@ class DetectionEpisode:
             return self._open(stamp_ns, results, deviating) if np.count_nonzero(deviating) else ()
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & self._isolating).tolist():
-            self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))
+            seen, signed = self._symbols.get(j), j not in results.along
+            if seen is None or (signed and seen.magnitude == symbols.ANY):
+                self._symbols[j] = symbols.crossed(*results.test(j), stamp_ns, signed)
         if not self.episode.taken_over:
             for j, state in self._symbols.items():
                 self._symbols[j] = symbols.later(state, *results.test(j), stamp_ns)
@@ -125,7 +127,7 @@ class DetectionEpisode:
     def _open(self, stamp_ns: int, results: TestResults, deviating: Flags) -> tuple[Record, ...]:
         z, k, shift = results.z[0], results.k[0], results.shift[0]
         self._symbols = {
-            j: symbols.crossed(*results.test(j), stamp_ns)
+            j: symbols.crossed(*results.test(j), stamp_ns, j not in results.along)
             for j in np.flatnonzero(deviating & self._isolating).tolist()
         }
         self._opened_by = frozenset(np.flatnonzero(deviating).tolist())

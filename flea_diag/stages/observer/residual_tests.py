@@ -70,7 +70,7 @@ class ResidualTests:
         # what alternates with the motion (direction-normalised) still is one.
         if alone is not None and self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        self._mean_shift.step(near, results, alone, place.leverage(), place.loads)
+        self._mean_shift.step(near, results, alone, place.leverage(), place.loads, place.supplied)
         return results
 
     def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:

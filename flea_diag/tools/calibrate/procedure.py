@@ -111,6 +111,8 @@ def _learn(
                 envelope_fit.widened(trace, envelope.travel if envelope else None),
                 envelope,
                 relations,
+                found.parameters,
+                period_s,
             )
             for trace in part
         ]

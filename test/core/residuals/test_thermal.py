@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from support import stands
 
-from flea_diag.core.residuals.thermal import CORRECTION_S, ESTIMATE, PredictedStores
+from flea_diag.core.residuals.leverage import CalibrationEnvelope
+from flea_diag.core.residuals.thermal import CORRECTION_S, ESTIMATE, Heating, PredictedStores
 
 
 def node(cooling_s: float = 800.0, start_samples: int = 2) -> PredictedStores:
@@ -89,3 +91,30 @@ def test_every_store_follows_its_own_neighbours_in_one_row():
     for _ in range(2000):
         made.follow(made.states[:, ESTIMATE][None], [0.0, 0.0], 0.01, True, np.empty((1, 2)))
     assert made.states[:, ESTIMATE] == pytest.approx([40.0, 40.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("block", [1, 700, 3000])
+def test_what_is_heated_is_ahead_unless_by_heat_that_no_recording_had(block):
+    """A current of 4 A all the time, and for half a second of 40 A, which is none of the ranges."""
+    p, relations, period_s = stands.calibration().parameters, stands.relations(), 0.01
+    flow = p.motor_heating_k_per_a2s * 4.0**2
+    ranges = {"motor_current": (-6.0, 6.0)}
+    envelope = CalibrationEnvelope("", (), ranges, supplies={"motor_temperature": flow})
+    signals = np.zeros((3000, len(relations.signals)))
+    current = relations.signals.index("motor_current")
+    signals[:, current] = p.current_offset_a + 4.0
+    signals[1500:1550, current] = 40.0
+    heating = Heating(relations, p, period_s, envelope)
+    parts = [heating.step(signals[k : k + block]) for k in range(0, 3000, block)]
+    share, supplied = (np.concatenate(part) for part in zip(*parts, strict=True))
+    late = np.arange(1, 1501) * period_s / CORRECTION_S
+    stores = [row.name for row in relations.predictions]
+    once = stores.index("motor_temperature")
+    twice = once + len(stores)
+    assert share[:1500, once] == pytest.approx(-np.expm1(-late), abs=1e-3)
+    assert np.array_equal(supplied[:1500, : len(stores)], share[:1500])
+    assert supplied[:1500, twice] == pytest.approx(1.0 - (1.0 + late) * np.exp(-late), abs=1e-3)
+    unknown = np.isnan(supplied)
+    assert unknown[1550:, once].all()
+    assert not unknown[:1500].any()
+    assert np.isfinite(share).all()

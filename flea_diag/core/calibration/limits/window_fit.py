@@ -21,7 +21,8 @@ GUARD = 1.25
 """A limit is at least so many times the largest nominal value."""
 COEFFICIENT_GUARD = 2.0
 """The same where a coefficient is tested: what units differ by is out of it, and what is left, such
-as the heat of a winding, is that of the motion, of which recordings have few."""
+as the friction along the travel, is that of the motion, of which recordings have few. As it is no
+noise, what the stated rate asks for by itself counts by as much more."""
 LEAST_IN_REGION = 5
 """Fewer recordings in a region do not determine its scatter: those of all regions do."""
 
@@ -75,7 +76,11 @@ class WindowFit:
     @property
     def k(self) -> float:
         """Limit of |z|."""
-        return self.widening * max(self.least_k, self.guard * float(np.nanmax(self.maxima)))
+        return self.widening * float(self._limit(np.asarray(np.nanmax(self.maxima))))
+
+    def _limit(self, largest: Array) -> Array:
+        """Limit where so much is the largest nominal value."""
+        return np.maximum(self.least_k * self.guard / GUARD, self.guard * largest)
 
     @property
     def shift_limit(self) -> tuple[float, float]:
@@ -90,7 +95,7 @@ class WindowFit:
         A recording at 1 would just have raised a false alarm.
         """
         seen = np.where(others, np.nan_to_num(self.maxima), 0.0).max(axis=1)
-        return np.asarray(self.tested / np.maximum(self.least_k, self.guard * seen))
+        return np.asarray(self.tested / self._limit(seen))
 
 
 def others_of(folds: Sequence[str]) -> Flags:
