@@ -75,11 +75,12 @@ ANYWHERE = OperatingPlace()
 
 
 def _warmed_by(store: str, relations: RelationSet) -> list[int]:
-    """Columns of a prediction, and of the relations that take a signal from it."""
+    """Columns of a prediction, and of what takes a signal from it: relations and the observer."""
     taken = {signal for signal, name in relations.predicted.items() if name == store}
     names = [row.name for row in relations.relations if taken & set(row.signals)]
     table = relations.residuals
-    return [table.column(store), *table.of_relations(names)]
+    observed = range(len(table.rows))[table.innovation_columns] if taken else ()
+    return [table.column(store), *table.of_relations(names), *observed]
 
 
 class EnvelopeWatch:
@@ -209,9 +210,11 @@ class EnvelopeWatch:
         first = self.outside[0]
         hot = first - len(self._basis.names)
         place = self._place(row, signals) if hot < 0 else self._heat(hot, share[hot])
-        columns = chain.from_iterable(self._columns[k] for k in self.outside)
-        names = [*dict.fromkeys(self._known.rows[j].name for j in columns)]
-        names[-1:] = [names[-1]] if hot >= 0 else [f"{names[-1]} and the state observer"]
+        columns = dict.fromkeys(chain.from_iterable(self._columns[k] for k in self.outside))
+        observed = range(len(self._known.rows))[self._known.innovation_columns]
+        names = [self._known.rows[j].name for j in columns if j not in observed]
+        if hot < 0 or not columns.keys().isdisjoint(observed):
+            names[-1] += " and the state observer"
         return f"{place} calibrated: {', '.join(names)} not tested"
 
     def _heat(self, store: int, share: float) -> str:

@@ -127,7 +127,8 @@ def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
     table = relations.residuals
     parts = [np.ones((500, len(table.rows))) if f is None else np.sqrt(f) for f in found]
     factor = np.concatenate(parts)
-    for name in ("motor_temperature", "parity_electrical", "parity_electrical_dn"):
+    heated = ("motor_temperature", "parity_electrical", "parity_electrical_dn")
+    for name in (*heated, *(row.name for row in table.rows[table.innovation_columns])):
         assert factor[:, table.column(name)] == pytest.approx(expected, rel=1e-9)
     assert (factor[:, table.columns([*MECHANICAL, "nut_temperature"])] == 1.0).all()
     assert expected.max() > 1.5
@@ -197,7 +198,7 @@ def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
     # The heat of the load lasts longer than the load.
     last = [r.reason for r in stands.of(DataQuality, said)[-1].channels]
     assert last[-1].startswith("motor_temperature is supplied with 0.0")
-    gone = "motor_temperature, parity_electrical, parity_electrical_dn"
+    gone = "motor_temperature, parity_electrical, parity_electrical_dn and the state observer"
     assert last[-1].endswith(f" was calibrated: {gone} not tested")
     assert groups[-1].outcome is Outcome.NOT_OBSERVABLE
 
