@@ -63,12 +63,12 @@ class ResidualSpec:
 
     A normalised residual is multiplied by the sign of the flow at junction ``motion``, or at its
     own junction if ``motion`` is empty. The two readings of a difference agree up to the
-    parameters ``gain`` (of the reference) and ``offset``, and to the displacement of the store
-    ``across`` that lies between the places of the two. A balance, that of such a store too, leaves
-    out the elements ``without``. A residual without ``signs`` is in no signature table. A
-    prediction takes the stores ``lumped`` for one and the parameters ``neglected`` as 0. A power is
-    summed over the bonds of ``junctions`` that lead out of them. A residual that ``settles_s`` is
-    not formed for so long after a start, a stop or a reversal.
+    parameters ``gain`` (of the reference) and ``offset``, and to what ``across`` takes between
+    the places of the two: the displacement of a store, or the effort of a resistor. A balance, that
+    of such a store too, leaves out the elements ``without``. A residual without ``signs`` is in no
+    signature table. A prediction takes the stores ``lumped`` for one and the parameters
+    ``neglected`` as 0. A power is summed over the bonds of ``junctions`` that lead out of them. A
+    residual that ``settles_s`` is not formed for so long after a start, a stop or a reversal.
     """
 
     name: str

@@ -58,9 +58,11 @@ def check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
     for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
         if channel not in made.units:
             raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
-    store = made.graph.elements.get(spec.across)
-    if spec.across and (store is None or store.kind != "C"):
-        raise ConfigurationError(f"{place}: across {shown(spec.across)} is no store of type C")
+    between = made.graph.elements.get(spec.across)
+    if spec.across and (between is None or between.kind not in ("C", "R")):
+        raise ConfigurationError(
+            f"{place}: across {shown(spec.across)} is no element of type C or R"
+        )
     _check_unit_of_difference(made, spec, place)
 
 

@@ -102,6 +102,11 @@ LAWS: dict[str, Law] = {
         {"coulomb": _LEVEL, "viscous": _VISCOUS, "smooth_flow": _FLOW},
         effort=lambda f, p: p["coulomb"] * _smooth_sign(f, p) + p["viscous"] * f,
     ),
+    "dry": Law(
+        "R",
+        {"level": _LEVEL, "smooth_flow": _FLOW},
+        effort=lambda f, p: p["level"] * _smooth_sign(f, p),
+    ),
     "loaded_friction": Law(
         "R",
         {

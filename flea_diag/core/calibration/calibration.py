@@ -44,6 +44,7 @@ LATER_PARAMETERS = (
     "coupling_compliance_m_per_n",
     "coupling_play_m",
     "position_gain",
+    "drive_drop_v",
 )
 """Parameters that only some actuators have; neutral where a file lacks them."""
 NEUTRAL = ActuatorParameters()

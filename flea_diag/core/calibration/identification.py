@@ -312,9 +312,9 @@ def _electrical(fit: _Fit) -> None:
 
 
 def _drive(fit: _Fit) -> None:
-    names = ("drive_gain", "drive_offset_v")
+    names = ("drive_gain", "drive_offset_v", "drive_drop_v")
     use = np.ones(len(fit.data.run), dtype=bool)
-    related = (r.name for r in fit.relations.relations if {VOLTAGE, COMMAND} == set(r.signals))
+    related = (r.name for r in fit.relations.relations if {VOLTAGE, COMMAND} <= set(r.signals))
     made = fit.regression(next(related, ""), VOLTAGE, names, use)
     if made is None:
         fit.result.missing(names, "no commanded_voltage channel")

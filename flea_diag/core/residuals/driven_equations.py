@@ -224,7 +224,7 @@ def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
         readings,
         total(pushing),
         total(rubbing),
-        {name: shape for name, shape in drawn.items() if by.load not in symbols(shape)},
+        {n: drawn[n] for n, e in shapes.items() if not {by.load, by.current} & set(symbols(e))},
         found.get(by.command, ZERO),
         supplies,
         next((name for name in known.predicted if name in known.signals), ""),
@@ -236,7 +236,9 @@ def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
 def _solved(known: RelationSet, by: DrivenChannels) -> Iterator[tuple[str, Expression]]:
     """Quantity -> by what relation it is given, in an order in which each has all that it needs."""
     given = {by.voltage, by.load, by.position, by.speed, *known.predicted, *known.shapes}
-    solved: dict[str, Expression] = {}
+    # The observer takes a command as a mean voltage: what a bridge loses is part of its noise.
+    sides = [name for name, shape in known.shapes.items() if by.current in symbols(shape)]
+    solved: dict[str, Expression] = dict.fromkeys(sides, ZERO)
     left = list(known.relations)
     while left:
         for row in left:

@@ -99,6 +99,8 @@ class MeasuredGraph:
         self, bond: Bond, node: str, junction: Element, seen: tuple[str, ...]
     ) -> Expression | None:
         element = self.graph.elements[node]
+        if element.kind == "0" and node not in seen:
+            return self._in_series(bond, element, (*seen, node))
         if element.kind != "TF" or element.law == CONVERTER or node in seen:
             return None
         one, two = self.graph.at(node)
@@ -111,6 +113,21 @@ class MeasuredGraph:
         # f2 = n f1 and e1 = n e2: a flow grows towards port 2, an effort towards port 1.
         towards_two = bond is two
         return known * ratio if towards_two == (junction.kind == "1") else known / ratio
+
+    def _in_series(self, bond: Bond, junction: Element, seen: tuple[str, ...]) -> Expression | None:
+        """Flow that a 0-junction passes on, where it has one other bond."""
+        others = [
+            other
+            for other in self.graph.at(junction.name)
+            if other is not bond and not self._left_out(other.other(junction.name))
+        ]
+        if len(others) != 1:
+            return None
+        (other,) = others
+        there = self.graph.elements[other.other(junction.name)]
+        known = self.common(there, seen) if there.kind == "1" else None
+        along = (bond.head == junction.name) == (other.tail == junction.name)
+        return known if known is None or along else -known
 
     def effort(self, bond: Bond, far: str) -> Expression:
         """Effort on a bond as the node at its far end makes it."""

@@ -51,6 +51,7 @@ class ActuatorParameters(Frozen):
     coupling_compliance_m_per_n: NotNegative = 0.0
     coupling_play_m: NotNegative = 0.0
     position_gain: Positive = 1.0
+    drive_drop_v: float = 0.0
 
     @property
     def moving_m_s(self) -> float:
@@ -86,6 +87,7 @@ class UnitTolerance(Frozen):
     drive_offset_v: NotNegative = 0.0
     position_offset_m: NotNegative = 0.0
     position_gain: NotNegative = 0.0
+    drive_drop_v: NotNegative = 0.0
 
 
 UNIT_PARAMETERS = tuple(
@@ -100,6 +102,7 @@ LATER_TOLERANCES = (
     "drive_offset_v",
     "position_offset_m",
     "position_gain",
+    "drive_drop_v",
 )
 """The last of them, which older calibrations lack and only some descriptions state."""
 

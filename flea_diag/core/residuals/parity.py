@@ -23,12 +23,15 @@ from flea_diag.core.residuals.measured_graph import (
     rate_symbol,
 )
 from flea_diag.core.symbolic.expression import (
+    ONE,
     ZERO,
     Expression,
+    Function,
     Variable,
     apply,
     derivative,
     evaluate,
+    rewritten,
     symbols,
     total,
 )
@@ -55,6 +58,13 @@ class ParityRelation:
     def channels(self) -> tuple[str, ...]:
         """Channels that the relation reads."""
         return tuple(dict.fromkeys(channel_of(name)[0] for name in self.arguments))
+
+    @cached_property
+    def sided(self) -> tuple[str, ...]:
+        """Channels of which it reads nothing but the side, through a smooth sign."""
+        bare = rewritten(self.expression, lambda e: ONE if isinstance(e, Function) else e)
+        kept = {channel_of(name)[0] for name in symbols(bare)}
+        return tuple(name for name in self.channels if name not in kept)
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -148,8 +158,25 @@ def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
     one, other = _common_terms(actuator, spec.channel, spec.reference)
     gap = one - (Variable(spec.gain) * other if spec.gain else other)
     if spec.across:
-        gap = gap - _between(actuator, spec)
+        lost = actuator.graph.elements[spec.across].kind == "R"
+        gap = gap + _lost(actuator, spec) if lost else gap - _between(actuator, spec)
     return gap - Variable(spec.offset) if spec.offset else gap
+
+
+def _lost(actuator: Actuator, spec: ResidualSpec) -> Expression:
+    """Effort of the resistor on the way from the source of the reference to the channel."""
+    graph = actuator.graph
+    (bond,) = graph.at(spec.across)
+    held = bond.other(spec.across)
+    led = [other.other(held) for other in graph.at(held)]
+    fed = any(graph.elements[name].signal == spec.reference for name in led)
+    if graph.elements[held].kind != "1" or not fed or actuator.sensors[spec.channel].at not in led:
+        raise ModelError(
+            f"{actuator.name}: residual {spec.name}: no 1-junction joins the source of "
+            f"{spec.reference}, {spec.across} and the place of {spec.channel}; name a resistor "
+            "between them under across"
+        )
+    return MeasuredGraph(actuator, spec.without).effort(bond, spec.across)
 
 
 def _between(actuator: Actuator, spec: ResidualSpec) -> Expression:

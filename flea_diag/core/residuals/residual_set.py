@@ -111,13 +111,15 @@ def _bare(spec: ResidualSpec) -> ResidualSpec:
 def _drives_elsewhere(actuator: Actuator, name: str) -> bool:
     """Whether a difference is held against the command of a source at another junction.
 
-    What lies between then takes its part of that effort or flow: the two are alike at a standstill.
+    What lies between then takes its part of that effort or flow, unless the difference names it
+    (``across``): the two are alike at a standstill.
     """
     spec, graph = actuator.residuals[name], actuator.graph
     sensor = actuator.sensors.get(spec.channel)
     sources = [e for e in graph.of_kind(*SOURCES) if spec.reference and e.signal == spec.reference]
     fed = {bond.other(e.name) for e in sources for bond in graph.at(e.name)}
-    return spec.kind == "difference" and bool(fed) and (sensor is None or sensor.at not in fed)
+    elsewhere = bool(fed) and (sensor is None or sensor.at not in fed)
+    return spec.kind == "difference" and elsewhere and not spec.across
 
 
 def _zeros(known: RelationSet, wanted: Mapping[str, str]) -> Mapping[str, str]:

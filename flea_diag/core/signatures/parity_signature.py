@@ -75,6 +75,8 @@ def _regressor_signs(
 ) -> str:
     if cause.mode in ("noise", "dropout"):
         return "**" if cause.name in relation.channels else "00"
+    if cause.mode and cause.name in relation.sided:
+        return "**"  # the reading may be on the other side, wherever that is
     if cause.mode == "dead":
         return _dead_signs(relation, cause, point)
     effect = relation.regressor(cause)
