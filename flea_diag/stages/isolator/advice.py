@@ -13,6 +13,7 @@ from flea_diag.core.choice.next_test import (
     next_tests,
 )
 from flea_diag.core.choice.planned_motion import motions_within, planned
+from flea_diag.core.isolation.weights import Weights
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -33,15 +34,11 @@ class Advice:
         models: Sequence[FaultModel],
     ) -> None:
         self._k = knowledge
-        limits = knowledge.calibration.limits
-        self._test = LikelihoodTest(
-            models,
-            {limit.name: limit.sigma[0] for limit in limits},
-            {limit.name: limit.correlation_samples for limit in limits},
-            knowledge.calibration.differences(knowledge.effects.differences),
-            parameters.drop_nats,
-        )
         calibration = knowledge.calibration
+        weights = Weights.of(calibration, knowledge.effects)
+        self._test = LikelihoodTest(
+            models, weights.sigma, weights.correlation, weights.tolerances, parameters.drop_nats
+        )
         self._motions = motions_within(
             knowledge.effects.residuals, calibration.envelope, calibration.period_s
         )

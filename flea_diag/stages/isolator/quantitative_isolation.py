@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.isolation.weights import Weights
 from flea_diag.core.likelihood.basis import signals_of
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -31,6 +30,8 @@ class QuantitativeIsolation:
         Signals that the models are made of.
     models
         Models of the faults that move one of them; other faults have no likelihood here.
+    weights
+        What each residual weighs.
     acting
         Which signals they act by in each residual, shape (residuals, signals), without those that
         this stand does not read.
@@ -38,18 +39,15 @@ class QuantitativeIsolation:
 
     def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
         self._counts = calibration.counts
-        limits, fitted = calibration.limits, calibration.parameters
+        fitted = calibration.parameters
         residuals = effects.residuals
         self._friction, self._in_motion = residuals.friction, residuals.in_motion
         # Not the relation with friction: a drag already present at start would be learned.
         self._baseline_residuals = (residuals.circuit,)
         # Where that relation left its earlier level, the drag began within the run.
         self._before_shift = residuals.circuit, residuals.friction
-        self._tolerances = calibration.differences(effects.differences)
-        self._sigma = {limit.name: limit.sigma[0] for limit in limits}
-        self._own_sigma = self._sigma | own_sigma(calibration, self._before_shift)
-        self._correlation = {limit.name: limit.correlation_samples for limit in limits}
-        self.names = tuple(name for name in residuals.weighed if name in self._sigma)
+        self.weights = Weights.of(calibration, effects)
+        self.names = tuple(name for name in residuals.weighed if name in self.weights.sigma)
         self.basis = effects.basis_of(fitted)
         self.models = self._of_stand(effects.bound(fitted))
         self.acting = signals_of(self.models, self.names, self.basis)
@@ -124,23 +122,9 @@ class QuantitativeIsolation:
         own = baseline is not None and (mechanical_shift or vibration_only)
         return episode.evidence.equations.fit(
             models,
-            self._own_sigma if own else self._sigma,
-            self._correlation,
-            self._tolerances,
+            self.weights.own_sigma if own else self.weights.sigma,
+            self.weights.correlation,
+            self.weights.tolerances,
             baseline,
             self._before_shift if own else self._baseline_residuals,
         )
-
-
-def own_sigma(calibration: Calibration, residuals: tuple[str, ...]) -> dict[str, float]:
-    """Scatter of the relations about the level of one unit, from the limits of their shift tests.
-
-    The scatter over all recordings includes the variation between units.
-    """
-    found = {}
-    for shift in calibration.mean_shifts:  # of one relation, the longest window comes last
-        limit = calibration.limit(shift.name)
-        if shift.name in residuals and limit is not None:
-            independent = shift.window / limit.correlation_samples
-            found[shift.name] = min(shift.sigma * math.sqrt(independent), limit.sigma[0])
-    return found

@@ -15,6 +15,7 @@ from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.calibration.run_spread import tolerance_of
 from flea_diag.core.choice.planned_motion import completed
+from flea_diag.core.isolation.weights import own_sigma
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.sensor_models import ELAPSED, expected
@@ -28,7 +29,6 @@ from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
-from flea_diag.stages.isolator.quantitative_isolation import own_sigma
 from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.tools.stand_check.motion_signals import MotionSignals, balanced, extended
 from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
