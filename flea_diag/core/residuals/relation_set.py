@@ -189,7 +189,7 @@ class RelationSet(Frozen):
             (place, stores.index(self.predicted[signal]) + lag * len(stores))
             for place, unit in enumerate(self._depends(relation))
             for signal in symbols(self._apart(row, self.units[unit]))
-            if signal in self.predicted
+            if self.predicted.get(signal) in stores
             for lag in range(2)
         )
 
