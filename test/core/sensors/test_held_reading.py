@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.sensor_limits import SensorLimit, sensor_limits
 
@@ -46,6 +48,12 @@ def test_without_a_command_a_held_voltage_blames_nobody_and_is_withheld(
     assert not np.concatenate(runs).any()
     assert np.flatnonzero(np.isnan(usable[:, 1])).tolist() == [5, 6, 9]
     assert np.array_equal(usable[:, 0], rows[:, 0])
+
+
+@pytest.mark.parametrize("stand", ["flea", "ema", "wing"])
+def test_every_machine_that_is_shipped_knows_how_long_its_voltage_may_be_held(stand: str) -> None:
+    limits = {limit.channel: limit for limit in learned(load_stand(stand)).sensors}
+    assert limits["motor_voltage"].has("motor_voltage_stuck")
 
 
 def test_a_gap_ends_a_run() -> None:
