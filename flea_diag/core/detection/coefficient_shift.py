@@ -14,9 +14,9 @@ b and its error follow from least squares over the window and what came before i
 
 sums with y over the last w, the others over both. A parameter that follows the temperature of a
 predicted store does not stay what it is: what is heated is ahead of what is measured. So psi holds
-it a second time, in proportion to what heats that
-store (``Heating``). From a detection on what came before is frozen.
-Sums are taken over bins of scans, so blocks of scans and single ones give the same bits.
+it two more times, in proportion to two means of what heats that store (``Heating``). From a
+detection on what came before is frozen. Sums are taken over bins of scans, so blocks of scans and
+single ones give the same bits.
 """
 
 from __future__ import annotations

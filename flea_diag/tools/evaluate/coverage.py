@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """CoverageScore the runs, write the calibration with the scores, say what they give."""
+    """Score the runs, write the calibration with the scores, say what they give."""
     import yaml
 
     from flea_diag.configuration.calibrations import learned
@@ -100,7 +100,7 @@ class CoverageScore:
 
 
 def scored(case: Case, stand: Stand) -> CoverageScore | None:
-    """CoverageScore of one run; None where it has no fault."""
+    """Score of one run; None where it has no fault."""
     from flea_diag.tools.campaign.case_records import records_of
     from flea_diag.tools.campaign.run_result import NOMINAL
     from flea_diag.wire.records import Truth
