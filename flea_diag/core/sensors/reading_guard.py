@@ -32,8 +32,9 @@ def stuck_scans(limit: SensorLimit, period_s: float) -> int:
 class ReadingGuard:
     """Detects jumps and held readings of one channel.
 
-    ``quantum``: of a reading that counts, about the size of a count. A steady motion holds it, too:
-    a drop-out is what it comes to, or leaves, by more than that.
+    ``quantum``: of a reading that counts, about the size of a count. A motion holds it for a
+    moment, too, and it goes on as it came: a drop-out is left by more than a count, and by more
+    than the reading went in each of the two scans before it.
     """
 
     def __init__(self, limit: SensorLimit, period_s: float, quantum: float = 0.0) -> None:
@@ -47,7 +48,8 @@ class ReadingGuard:
     def interrupt(self) -> None:
         """Forget the readings, not the drop-outs."""
         self._last = self._level = self._speed = math.nan
-        self._leapt = self._came = self._went = 0.0
+        self._leapt = self._went = 0.0
+        self._came, self._again = (0.0, 0.0), False
         self._away = self._calm = self.run = 0
 
     @property
@@ -60,11 +62,11 @@ class ReadingGuard:
         """Whether a jump lies within the window of the step test."""
         return self._calm > 0 or self._away > 0
 
-    def wake(self, before: float, last: float) -> None:
-        """Set the two readings before the next one, if none of them was unusual."""
+    def wake(self, first: float, before: float, last: float) -> None:
+        """Set the three readings before the next one, if none of them was unusual."""
         if not self.busy:
             self._last, self._level, self._speed = last, last, last - before
-            self._came = abs(last - before)
+            self._came, self._again = (abs(before - first), abs(last - before)), last == before
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False
@@ -85,14 +87,16 @@ class ReadingGuard:
 
     def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
         least = self._limit.repeats
-        if value == self._level and not at_end:
+        again = value == self._level and not at_end
+        if again:
             self.run += not rests
         else:
             went = abs(value - self._level)
-            steady = self._quantum > 0.0 and max(self._came, went) <= self._quantum
-            if least and least <= self.run < self._stuck and not steady:
+            goes_on = self._quantum > 0.0 and went <= max(self._quantum, min(self._came))
+            if least and least <= self.run < self._stuck and not goes_on:
                 self.events.append(scan)
-            self.run, self._came = 0, went
+            self.run, self._came = 0, (0.0 if self._again else self._came[1], went)
+        self._again = again
         self._last = self._level = value
         return bool(least) and self.run >= least
 

@@ -217,7 +217,7 @@ class SensorTests:
         self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
         for index in sorted(self._watched):
             rests = self._rests(index, recent, count)
-            readings = recent[-count - 2 :, index].tolist()
+            readings = recent[-count - 3 :, index].tolist()
             self._follow(index, readings, odd[:, index], rests, usable, z)
         self._watched = {index for index in self._watched if self._guards[index].busy}
 
@@ -247,12 +247,12 @@ class SensorTests:
         usable: Array,
         z: Array,
     ) -> None:
-        """Judge the eventful scans of a channel; ``readings`` begins two scans earlier."""
+        """Judge the eventful scans of a channel; ``readings`` begins three scans earlier."""
         guard, limit = self._guards[index], self._limits[index]
         column, stuck, dropout, step = self._own[index]
         for n in _eventful(odd, guard):
-            value = readings[n + 2]
-            guard.wake(readings[n], readings[n + 1])
+            value = readings[n + 3]
+            guard.wake(*readings[n : n + 3])
             at_end = not self._low[index] < value < self._high[index]
             withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
             if withheld:
