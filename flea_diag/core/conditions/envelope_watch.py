@@ -123,7 +123,9 @@ class EnvelopeWatch:
         self._ranges, self._signals = known.ranges, relations.signals
         self._units = relations.units_of
         self._columns = [table.of_relation(name) for name in self._basis.names]
-        alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
+        # A prediction rests on what supplies it, wherever that is.
+        predicted = map(table.column, stores)
+        alone = {*chain(range(len(table.rows))[table.sensor_columns], predicted, *self._columns)}
         self._others = [j for j in range(len(table.rows)) if j not in alone]
         self._columns += [_warmed_by(store, relations) for store in stores]
         self._travel = known.travel

@@ -134,6 +134,20 @@ def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
     assert expected.max() > 1.5
 
 
+def test_a_prediction_rests_on_what_supplies_it_and_on_no_place() -> None:
+    """A load beyond the recordings, with less heat than they had: only the rest is less known."""
+    known, relations = stands.calibration().envelope, stands.relations()
+    watch = watch_of(replace(known, supplies={n: 10.0 * q for n, q in known.supplies.items()}))
+    rows = ema.rows(columns(420.0), ema.STAND)
+    watch.step(rows[:450], residuals_of(rows[:450]))
+    beyond = watch.place.beyond
+    assert beyond is not None
+    table = relations.residuals
+    predicted = table.columns(row.name for row in relations.predictions)
+    assert (beyond[440:, table.columns(("parity_kinematic",))] > 1.0).all()
+    assert (beyond[:, predicted] == 0.0).all()
+
+
 def test_two_speeds_are_compared_unless_both_are_out_of_their_range() -> None:
     """A sensor at fault leaves the other within; a runaway takes both along."""
     calibration = learned(load_stand("wing"))
