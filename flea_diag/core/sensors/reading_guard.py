@@ -48,8 +48,8 @@ class ReadingGuard:
     def interrupt(self) -> None:
         """Forget the readings, not the drop-outs."""
         self._last = self._level = self._speed = math.nan
-        self._leapt = self._went = 0.0
-        self._came, self._again = (0.0, 0.0), False
+        self._leapt = self._went = self._step = 0.0
+        self._came = (0.0, 0.0)
         self._away = self._calm = self.run = 0
 
     @property
@@ -66,7 +66,8 @@ class ReadingGuard:
         """Set the three readings before the next one, if none of them was unusual."""
         if not self.busy:
             self._last, self._level, self._speed = last, last, last - before
-            self._came, self._again = (abs(before - first), abs(last - before)), last == before
+            self._step = abs(last - before)
+            self._came = abs(before - first), self._step
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False
@@ -87,16 +88,15 @@ class ReadingGuard:
 
     def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
         least = self._limit.repeats
-        again = value == self._level and not at_end
-        if again:
+        if value == self._level and not at_end:
             self.run += not rests
+            self._step = 0.0
         else:
             went = abs(value - self._level)
             goes_on = self._quantum > 0.0 and went <= max(self._quantum, min(self._came))
             if least and least <= self.run < self._stuck and not goes_on:
                 self.events.append(scan)
-            self.run, self._came = 0, (0.0 if self._again else self._came[1], went)
-        self._again = again
+            self.run, self._came, self._step = 0, (self._step, went), went
         self._last = self._level = value
         return bool(least) and self.run >= least
 
