@@ -51,8 +51,11 @@ EXTRAS = {
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "parquet": ["pyarrow>=15"],
+    # Data frames and datasets of the Python interface.
+    "frames": ["pandas>=2.2", "xarray>=2024.1"],
     # Bags at https://; s3:// needs s3fs besides, others what fsspec asks for.
     "url": ["fsspec>=2024.1", "aiohttp>=3.9"],
+    "completion": ["argcomplete>=3.0"],
     "web": ["nicegui>=3.0"],
     "docs": DOCS,
     # Coverage-guided fuzzing, by hand alone: scripts/fuzz --atheris.
@@ -73,6 +76,10 @@ EXTRAS = {
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
         "tqdm>=4.65",
         "distributed>=2024.1",
+        "pandas>=2.2",
+        "xarray>=2024.1",
+        "pyarrow>=15",
+        "argcomplete>=3.0",
         *DOCS,  # test/project/test_site.py builds the site
     ],
 }
@@ -136,6 +143,7 @@ setup(
         "Topic :: Scientific/Engineering",
     ],
     package_data={
+        "flea_diag": ["py.typed", "*.pyi"],
         "flea_diag.tools.score": ["templates/*.html"],
         "flea_diag.web": ["static/*.js", "static/*.css"],
     },

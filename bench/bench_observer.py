@@ -230,7 +230,7 @@ def main() -> None:
     if not HAVE_PROGPY:
         print("no ratios against progpy: it is not installed (pip install progpy==1.9)")
     if not HAVE_NUMBA:
-        print("no figures for numba: it is not installed (pip install 'flea_diag[numba]')")
+        print("no figures for numba: it is not installed (pip install numba)")
     plain = linear_actuator.model()
     for title, model in (
         ("sensors as on the stand", plain),

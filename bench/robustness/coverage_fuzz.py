@@ -38,7 +38,7 @@ def main() -> int:
     try:
         import atheris
     except ImportError:
-        print("Atheris is not installed: pip install 'flea_diag[fuzz]'", file=sys.stderr)
+        print("Atheris is not installed: pip install atheris", file=sys.stderr)
         return 2
     if given.one:
         fuzz(atheris, given.one, given.seconds)

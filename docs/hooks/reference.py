@@ -43,6 +43,7 @@ def pages() -> dict[str, Iterator[str]]:
     return {
         "commands": commands_page(),
         "nodes": nodes_page(),
+        "python": python_page(),
         "core/index": docstrings_page("Core", *modules),
         **{f"core/{name.split('.')[-1]}": docstrings_page("", name) for name in packages},
         "stages": docstrings_page("", "flea_diag.stages"),
@@ -109,6 +110,17 @@ def _row(entry: Descriptor) -> str:
     default = list(entry.default) if entry.kind is tuple else entry.default
     doc = entry.doc.replace("|", "\\|")
     return f"| `{entry.name}` | {doc}{unit} | {kind} | `{default!r}` | {', '.join(limits)} |"
+
+
+def python_page() -> Iterator[str]:
+    """Every public name of ``import flea_diag as fd``, from its docstring."""
+    yield "# Python\n\nEvery name of `import flea_diag as fd`."
+    yield "[In Python](../python.md) shows them at work.\n"
+    for name in flea_diag.__all__:
+        found = getattr(flea_diag, name)
+        if hasattr(found, "__module__"):
+            yield f"\n## fd.{name}\n\n::: {found.__module__}.{found.__name__}"
+            yield "    options: {show_root_heading: false, show_root_toc_entry: false}\n"
 
 
 def docstrings_page(title: str, *modules: str) -> Iterator[str]:

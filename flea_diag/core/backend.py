@@ -31,7 +31,7 @@ def chosen(backend: str) -> str:
     installed = find_spec("numba") is not None
     if backend == "numba" and not installed:
         raise ConfigurationError(
-            "backend numba is not installed: pip install 'flea_diag[numba]', or choose numpy"
+            "backend numba is not installed: pip install 'numba>=0.60', or choose numpy"
         )
     return "numba" if installed and backend != "numpy" else "numpy"
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import re
+import shlex
+import sys
+from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 
 from flea_diag.errors import ConfigurationError
 
-PACKAGES: dict[str, tuple[str, ...]] = {
-    "plot": ("matplotlib",),
-    "classifier": ("sklearn",),
-    "evaluate": ("jinja2", "tqdm"),
-    "dask": ("distributed",),
-    "parquet": ("pyarrow",),
-    "url": ("fsspec",),
+PACKAGES: dict[str, dict[str, str]] = {
+    "plot": {"matplotlib": "matplotlib"},
+    "classifier": {"sklearn": "scikit-learn"},
+    "evaluate": {"jinja2": "Jinja2", "tqdm": "tqdm"},
+    "dask": {"distributed": "distributed"},
+    "parquet": {"pyarrow": "pyarrow"},
+    "url": {"fsspec": "fsspec", "aiohttp": "aiohttp"},
+    "frames": {"pandas": "pandas", "xarray": "xarray"},
+    "completion": {"argcomplete": "argcomplete"},
 }
-"""Extra of setup.py -> modules that come with it."""
+"""Extra of setup.py -> modules that come with it, each with the package that holds it."""
 
 
 def require(extra: str, what: str) -> None:
@@ -23,10 +29,28 @@ def require(extra: str, what: str) -> None:
     Raises
     ------
     ConfigurationError
-        Names the option that needs them, the missing packages, and the command to install them.
+        Names the option that needs them, the missing packages, and a command that installs them
+        whether flea_diag came from a clone, a wheel or a workspace.
     """
     missing = [module for module in PACKAGES[extra] if find_spec(module) is None]
     if missing:
         raise ConfigurationError(
-            f"{what} needs {' and '.join(missing)}, not installed: pip install 'flea_diag[{extra}]'"
+            f"{what} needs {' and '.join(missing)}, not installed: {install_command(extra)}"
         )
+
+
+def install_command(extra: str) -> str:
+    """What installs the packages of an extra beside this Python, at the versions of setup.py."""
+    bounds = _bounds()
+    wanted = [bounds.get(name.lower(), name) for name in PACKAGES[extra].values()]
+    return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
+
+
+def _bounds() -> dict[str, str]:
+    """Package -> requirement with its bounds, as far as the installation says."""
+    try:
+        every = requires("flea_diag") or []
+    except PackageNotFoundError:
+        return {}
+    plain = (entry.partition(";")[0].replace(" ", "") for entry in every)
+    return {re.split(r"[<>=!~\[]", entry)[0].lower(): entry for entry in plain}

@@ -123,6 +123,20 @@ ROOMS = (
         (*SCIENCE, *BAGS, *TABLES, "matplotlib", "sklearn", "threadpoolctl", *PAGES, *BATCH),
     ),
     Room(
+        "flea_diag.api",
+        (
+            "flea_diag.api",
+            "flea_diag.tools",
+            "flea_diag.wire",
+            "flea_diag.stages",
+            "flea_diag.core",
+            "flea_diag.configuration",
+            "flea_diag.errors",
+            "flea_sim_driver",
+        ),
+        ("numpy", "pyarrow", "pandas", "xarray", "matplotlib"),
+    ),
+    Room(
         "flea_diag.configuration",
         (
             "flea_diag.configuration",

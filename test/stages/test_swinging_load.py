@@ -9,13 +9,13 @@ from support.stand_runs import fault
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
-from flea_diag.tools.evaluate.case_run import Diagnosis, diagnose
+from flea_diag.tools.evaluate.case_run import CaseDiagnosis, diagnose
 from flea_diag.wire.records import AmbiguityGroup, Detection
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
 
-def diagnosed(**more: Any) -> Diagnosis:
+def diagnosed(**more: Any) -> CaseDiagnosis:
     """Twelve seconds of the 8 kN actuator, whose calibration has constant loads."""
     values = {
         "machine": "ema",

@@ -25,7 +25,7 @@ from flea_diag.wire.records import AmbiguityGroup, Level, Record
 
 REDRAW_S = 0.25
 CLEAR = "\x1b[H\x1b[2J"
-NO_TEXTUAL = "the screen needs Textual: pip install 'flea_diag[console]'"
+NO_TEXTUAL = f"the screen needs Textual: {sys.executable} -m pip install 'textual>=8.0'"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
 
 PORT = 8630
-NO_NICEGUI = "the page needs NiceGUI, which is not installed: pip install 'flea_diag[web]'"
+PAGE_NEEDS = "the page needs NiceGUI, which is not installed"
+NO_NICEGUI = f"{PAGE_NEEDS}: {sys.executable} -m pip install 'nicegui>=3.0'"
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ Expect = Mapping[str, tuple[str, ...]]
 
 
 @dataclass
-class Diagnosis:
+class CaseDiagnosis:
     """Records that a stage produced in a run, and the truth that it did not receive."""
 
     kept: list[Record | Block] = field(default_factory=list)
@@ -105,9 +105,9 @@ def _stage(case: Case) -> Stage:
     return baseline(case.configuration).make(setting)
 
 
-def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
+def diagnose(records: Iterable[Record], stage: Stage) -> CaseDiagnosis:
     """Feed a stage the records of a stand; no stage receives the truth."""
-    done = Diagnosis()
+    done = CaseDiagnosis()
     clock = time.process_time
     by_block = getattr(stage, "handle_block", None)
     for record in records if by_block is None else in_blocks(records):
@@ -141,7 +141,7 @@ def _layout(record: Record) -> tuple[str, ...] | None:
     return record.channels if isinstance(record, Scan) else None
 
 
-def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dict[str, Any]]:
+def _scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, dict[str, Any]]:
     from flea_diag.tools.numeric_backend import numeric_backend
     from flea_diag.wire.records import AmbiguityGroup
 

@@ -305,7 +305,7 @@ def test_pictures_without_matplotlib_are_refused_before_any_work(tmp_path, capsy
     monkeypatch.setattr(extra, "find_spec", lambda name: None)
     arguments = ["nothing", "-o", str(tmp_path / "c.yaml"), "--plots", str(tmp_path)]
     assert main(["calibrate", *arguments]) == 2
-    assert "pip install 'flea_diag[plot]'" in capsys.readouterr().err
+    assert "-m pip install 'matplotlib>=3.7'" in capsys.readouterr().err
 
 
 def test_units_are_checked_for_every_channel_that_is_read():

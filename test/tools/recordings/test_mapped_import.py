@@ -17,6 +17,7 @@ import yaml
 from support.decisions import BAGS
 from support.foreign import arm
 
+from flea_diag.tools import extra
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import ChannelTable, Scan, Truth, VibrationBlock
@@ -463,19 +464,15 @@ def test_an_array_that_announces_more_than_it_holds_is_refused(
 
 
 def test_parquet_says_which_package_it_needs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        stand, file = arm.arm_stand(tmp_path / "table", TABLE), tmp_path / "runs.parquet"
-        file.write_bytes(b"PAR1")
-        assert main(["import", "--stand", str(stand), str(file), "-o", str(tmp_path)]) == 1
-        assert "needs pyarrow, not installed: pip install 'flea_diag[parquet]'" in (
-            capsys.readouterr().err
-        )
-    else:
-        pytest.skip("pyarrow is installed")
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    stand, file = arm.arm_stand(tmp_path / "table", TABLE), tmp_path / "runs.parquet"
+    file.write_bytes(b"PAR1")
+    assert main(["import", "--stand", str(stand), str(file), "-o", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert "needs pyarrow, not installed: " in said
+    assert "-m pip install 'pyarrow>=15'" in said
 
 
 @pytest.mark.parametrize("packed", [False, True])

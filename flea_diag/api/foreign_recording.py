@@ -1,0 +1,92 @@
+"""Recordings that are no bags of flea_diag: text of the FLEA, tables, bags of other topics."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.api.columns import TIMES, recording_of
+from flea_diag.api.recording import Recording, kept
+from flea_diag.api.stand_facts import channels_of, files_of, mapping_of
+from flea_diag.errors import RecordingError, shown
+from flea_diag.tools.recordings.table import header_of, read_table, stem_of, suffix_of
+from flea_diag.wire.records import Record, Scan
+from flea_diag.wire.sources.mapping import MAPPED, SourceMapping
+from flea_diag.wire.topics import TOPIC_OF
+
+if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
+
+FLEA_SUFFIX = ".data"
+
+
+def foreign_recording(path: Path, stand: Stand | None, part: str) -> Recording | None:
+    """The recording of a file of any make; None where it is a bag of flea_diag.
+
+    Raises
+    ------
+    RecordingError
+        It lacks what the stand names, or nothing says what its columns are.
+    """
+    if path.name.endswith(FLEA_SUFFIX):
+        return _of_the_flea(path, stand)
+    mapping = None if stand is None else mapping_of(stand)
+    if mapping is not None and mapping.format == MAPPED and not _is_ours(path):
+        assert stand is not None
+        return _mapped(path, stand, mapping, part)
+    return _named_table(path, stand) if suffix_of(path) else None
+
+
+def _of_the_flea(path: Path, stand: Stand | None) -> Recording:
+    from flea_diag.tools.recordings.flea_data import read_flea_data
+    from flea_diag.tools.recordings.flea_run import FleaRun
+
+    run = FleaRun.of(read_flea_data(path))
+    return kept(path.name.removesuffix(FLEA_SUFFIX), _records(run), stand)
+
+
+def _mapped(path: Path, stand: Stand, mapping: SourceMapping, part: str) -> Recording:
+    from flea_diag.tools.recordings.mapped_recording import mapped_recordings
+
+    found = {each.name: each for each in mapped_recordings(path, mapping)}
+    if not part and len(found) > 1:
+        raise RecordingError(
+            f"{path} holds {len(found)} recordings: choose one with part={next(iter(found))!r}; "
+            f"they are {', '.join(list(found)[:20])}"
+        )
+    name = part or next(iter(found))
+    if name not in found:
+        raise RecordingError(f"{path} has no part {shown(name)}, it has {', '.join(found)}")
+    return kept(name, _records(found[name]), stand)
+
+
+def _records(recording: Any) -> Iterator[Record]:
+    """Channel table, truth, then scans and vibration by their stamps."""
+    yield recording.channel_table()
+    truth = recording.truth()
+    if truth is not None:
+        yield truth
+    vibration = getattr(recording, "vibration", ())
+    yield from heapq.merge(recording.scans(), vibration, key=lambda each: each.stamp_ns)
+
+
+def _named_table(path: Path, stand: Stand | None) -> Recording:
+    """A table whose columns are called as the channels are, such as ``flea export`` writes."""
+    header = header_of(path)
+    if not any(name in header for name in TIMES):
+        raise RecordingError(
+            f"{path} has no column {' or '.join(TIMES)}, so its columns are not known: write a "
+            f"stand with flea stand new ./mine --from {path} and open it with stand='./mine'"
+        )
+    known = files_of(stand)
+    names = [name for name in header if name in (*TIMES, *channels_of(known))]
+    made = recording_of(read_table(path, names), known, name=stem_of(path))
+    return kept(made.name, made.records((object,)), known if stand is not None else None)
+
+
+def _is_ours(path: Path) -> bool:
+    from flea_diag.wire.bags.foreign_bag import ForeignBag
+
+    return not suffix_of(path) and TOPIC_OF[Scan].name in ForeignBag(path).topics

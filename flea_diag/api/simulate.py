@@ -1,0 +1,64 @@
+"""``fd.simulate``: a run of the simulated stand, in memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flea_diag.api.recording import Recording, kept
+
+
+def simulate(
+    scenario: str | Path = "nominal",
+    *,
+    machine: str = "",
+    seed: int | None = None,
+    unit_seed: int | None = None,
+    duration_s: float | None = None,
+    fault: str = "",
+    onset_s: float = 10.0,
+    size: float | None = None,
+    vibration: bool = False,
+) -> Recording:
+    """Simulate one run; the truth comes with it and is never shown to the diagnosis.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario (``jam``; ``flea simulate --list`` has all), or a YAML file.
+    machine
+        Name of a shipped machine or a file; empty: that of the scenario.
+    seed, unit_seed
+        Of all noise and of the unit; None: those of the scenario, and of ``seed``.
+    duration_s
+        Length in s.
+    fault, onset_s, size
+        Fault to add, its onset in s and its size in the unit of its catalogue.
+    vibration
+        Whether to sample the accelerometers, at tens of megabytes a minute.
+
+    Returns
+    -------
+    Recording
+        Channels in SI, with ``truth``.
+
+    Raises
+    ------
+    ConfigurationError
+        Unknown scenario, machine or fault, or a value outside its limits.
+    """
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.scenario.scenario_file import overridden
+    from flea_sim_driver.stand import SimulatedStand
+
+    found = find_scenario(str(scenario), machine)
+    found = replace(found, sensors=replace(found.sensors, vibration=vibration))
+    run = _given(seed=seed, unit_seed=unit_seed, duration_s=duration_s)
+    added = {"fault": fault, "onset_s": onset_s, **_given(size=size)} if fault else None
+    made = overridden(found, "simulate", run, added)
+    return kept(f"{made.run.name}_{made.run.seed}", iter(SimulatedStand(made)))
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
