@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_sim_driver.acquisition.sensors import Instruments
+from flea_sim_driver.acquisition.slow_readings import SlowReadings
 from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.plant.actuator import Sizes
 from flea_sim_driver.plant.drive import Waveform, waveform
@@ -80,6 +81,7 @@ class Acquisition:
         self._generator = generator
         self._phase = float(generator.random())
         self._counts: float | None = None
+        self._slow = SlowReadings(machine)
 
     def read(self, block: Block, before: Temperatures, after: Temperatures) -> Array:
         """Digital values of the block, shape (scans, channels)."""
@@ -99,6 +101,7 @@ class Acquisition:
             place = self._machine.column[self._sensors.defective]
             values[:, place] = self._sampling.defective_reading + noise
         self._falsify(values, block)
+        self._slow.hold(values)
         return values
 
     def _commands(self, block: Block) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from flea_diag.fields.values import AboveZero
+from flea_diag.fields.values import AboveZero, NotNegative
 from flea_sim_driver.plant.disturbance import Catches
 from flea_sim_driver.plant.structure import Structure, StructureSpread
 from flea_sim_driver.plant.thermal import Heat
@@ -28,7 +28,8 @@ class Instrument:
 
     ``running_noise`` is the relative increase of noise while the motor's PWM runs;
     ``spike_share`` of the samples are outliers of scale ``spike``. Between stands the noise
-    differs by a log-normal ``noise_spread``, the gain by a normal ``gain_spread``.
+    differs by a log-normal ``noise_spread``, the gain by a normal ``gain_spread``. With a
+    ``rate_hz`` the DAQ reads it so often, and holds the reading in between; 0: in every scan.
     """
 
     channel: str
@@ -42,6 +43,7 @@ class Instrument:
     spike: float = 0.0
     noise_spread: float = 0.0
     gain_spread: float = 0.0
+    rate_hz: NotNegative = 0.0
     mount: str = ""
     note: str = ""
 

@@ -90,16 +90,34 @@ def machine_from_mapping(content: object, where: str) -> Machine:
         if not getattr(known, key).isprintable():
             raise ConfigurationError(f"{where}: {key} must be a line of text")
     _check_rates(known.sampling, f"{where}: sampling")
+    instruments = tuple(
+        read_as(
+            Instrument,
+            row,
+            f"{where}: instruments: {shown(channel)}",
+            magnitudes=FINITE,
+            given={"channel": channel},
+        )
+        for channel, row in known.instruments.items()
+    )
+    _check_instruments(instruments, known.sampling.scan_rate_hz, where)
     made = {
         "spread": _spread(known.spread, f"{where}: spread"),
         "structure": Structure((known.structure.motor, known.structure.nut)),
-        "instruments": tuple(
-            read_as(Instrument, row, f"{where}: instruments: {shown(channel)}",
-                    magnitudes=FINITE, given={"channel": channel})
-            for channel, row in known.instruments.items()
-        ),
-    }  # fmt: skip
+        "instruments": instruments,
+    }
     return Machine(**{**vars(known), **made})
+
+
+def _check_instruments(rows: tuple[Instrument, ...], scan_hz: float, where: str) -> None:
+    """A slow instrument is read once in a whole number of scans."""
+    for row in rows:
+        every = scan_hz / row.rate_hz if row.rate_hz else 1.0
+        if every < 1.0 or abs(every - round(every)) > 1e-6:
+            raise ConfigurationError(
+                f"{where}: instruments: {row.channel}: rate_hz = {row.rate_hz!r} must be that of "
+                f"the scans, {scan_hz:g} Hz, over a whole number"
+            )
 
 
 def numbers_of(values: object, names: tuple[str, ...], where: str) -> dict[str, float]:

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.bridged import bridged
 from support.foreign import arm
-from support.live import Peer, Process, node
+from support.live import Process, node
 
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import ChannelTable, Health, Scan
+from flea_diag.wire.records import Scan
 from flea_diag.wire.sources.field_path import FieldPath
 
 pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
@@ -20,7 +21,6 @@ pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
 START_NS = 1_600_000_000 * 10**9
 COUNT = 60
 WARM = "/motor/temperature"
-LIMIT_S = 60.0
 CHANNELS = {
     **{name: arm.CHANNELS[name] for name in ("motor_current", "motor_speed", "actuator_position")},
     "motor_temperature": {
@@ -29,7 +29,6 @@ CHANNELS = {
     },
 }  # fmt: skip
 MAPPING = {"schema_version": 1, "rate_hz": 100.0, "channels": CHANNELS}
-RELIABLE = "qos_overrides.{}.subscription.reliability:=reliable"
 
 
 def sent() -> list[tuple[str, int, Any]]:
@@ -46,20 +45,6 @@ def sent() -> list[tuple[str, int, Any]]:
     return found
 
 
-def live(kind: Any, message: Any) -> Any:
-    """The same message for rclpy."""
-    made = kind()
-    made.header.stamp.sec = message.header.stamp.sec
-    made.header.stamp.nanosec = message.header.stamp.nanosec
-    if hasattr(message, "name"):
-        made.name = message.name
-        for field in ("position", "velocity", "effort"):
-            setattr(made, field, getattr(message, field).tolist())
-    else:
-        made.temperature = message.temperature
-    return made
-
-
 def imported(tmp_path: Path, stand: Path) -> list[Scan]:
     bag = arm.write_ros2(tmp_path / "joint", iter(sent()))
     assert main(["import", "--stand", str(stand), str(bag), "-o", str(tmp_path / "bags")]) == 0
@@ -68,47 +53,13 @@ def imported(tmp_path: Path, stand: Path) -> list[Scan]:
 
 
 def test_live_scans_are_those_of_an_import(domain: int, tmp_path: Path) -> None:
-    from sensor_msgs.msg import JointState, Temperature
-
     stand = arm.arm_stand(tmp_path / "joint_stand", MAPPING)
-    kinds = {arm.STATES: JointState, WARM: Temperature}
-    given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in kinds)]
-    command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
-    with Process(command, domain) as process, Peer(domain) as peer:
-        writers = {topic: peer.node.create_publisher(k, topic, 100) for topic, k in kinds.items()}
-        peer.listen(ChannelTable, Scan, Health)
-        peer.until(lambda: all(w.get_subscription_count() for w in writers.values()), LIMIT_S)
-        scans: list[Scan] = []
-        count: dict[str, int] = {}
-
-        def come(least: int) -> bool:
-            scans[:] = [record for record in peer.records if isinstance(record, Scan)]
-            return len(scans) >= least
-
-        for topic, _, message in sent():
-            if topic == WARM:
-                # Faster than real time: no topic may overtake the other.
-                peer.until(lambda: counted(peer.records, count), LIMIT_S)
-            writers[topic].publish(live(kinds[topic], message))
-            count[topic] = count.get(topic, 0) + 1
-            if topic == WARM:
-                peer.until(lambda: counted(peer.records, count), LIMIT_S)
-        peer.until(lambda: come(COUNT - 4), LIMIT_S)
-        process.child.terminate()
-        assert process.end() == 0, process.output
+    scans, tables = bridged(domain, str(stand), sent(), WARM, COUNT - 4)
     expected = imported(tmp_path, stand)
     assert [repr(s) for s in scans] == [repr(s) for s in expected[: len(scans)]]
     assert len(expected) == COUNT
-    tables = [r for r in peer.records if isinstance(r, ChannelTable)]
     assert [row.name for row in tables[-1].channels] == list(CHANNELS)
     assert tables[-1].info("motor_temperature").unit == "degC"  # type: ignore[union-attr]
-
-
-def counted(records: list[Any], count: dict[str, int]) -> bool:
-    """Whether the bridge has said that it received so many messages."""
-    wanted = {f"{topic}/received": str(n) for topic, n in count.items()}
-    said = [dict(r.values) for r in records if isinstance(r, Health) and r.node == "bridge"]
-    return bool(said) and wanted.items() <= said[-1].items()
 
 
 LIVE_FIELDS = {

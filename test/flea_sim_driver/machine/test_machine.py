@@ -86,6 +86,18 @@ def test_a_machine_sends_the_channels_of_its_file_at_its_rate(name: str) -> None
     assert set(np.diff(stamps)) == {round(1e9 / machine.sampling.scan_rate_hz)}
 
 
+def test_a_slow_instrument_is_held_between_its_readings() -> None:
+    """The joint's temperature is read twice a second; blocks of 0.1 s do not begin with a reading."""
+    joint = find_machine("joint")
+    run = SimulatedStand(
+        overridden(find_scenario("nominal", "joint"), "joint", {"duration_s": 3.0})
+    )
+    warm = readings(list(run))[:, joint.channels.index("motor_temperature")]
+    read = warm[::50]
+    np.testing.assert_array_equal(warm, np.repeat(read, 50))
+    assert len(set(read)) > 1
+
+
 def test_a_unit_of_its_own_seed_is_the_same_in_runs_with_other_noise() -> None:
     nominal = find_scenario("nominal")
     first, again, other = (
@@ -104,6 +116,21 @@ CHANGES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "zero": ({"unit": {"reflected_mass_kg": 0.0}}, ("reflected_mass_kg", "0.0", "above 0")),
     "nan": ({"heat": {"copper_per_k": float("nan")}}, ("copper_per_k", "nan", "finite")),
     "rate": ({"sampling": {"scan_rate_hz": 130.0}}, ("scan_rate_hz", "130.0", "2000")),
+    "slow": (
+        {
+            "instruments": {
+                "motor_current": {
+                    "unit": "A",
+                    "noise": 0.0,
+                    "resolution": 0.0,
+                    "minimum": -1.0,
+                    "maximum": 1.0,
+                    "rate_hz": 30.0,
+                }
+            }
+        },
+        ("motor_current", "30.0", "100"),
+    ),
     "spread": ({"spread": {"colour": 0.1}}, ("spread", "colour", "it has")),
     "width": ({"spread": {"lead_error_m": 2.0}}, ("lead_error_m", "2.0", "above its limit 1.0")),
     "pair": ({"drawn": {"centre_m": [0.1]}}, ("centre_m", "must have 2 entries")),

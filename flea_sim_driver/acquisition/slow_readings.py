@@ -1,0 +1,43 @@
+"""Instruments that are read more seldom than scans are made, as a robot's temperatures are."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_sim_driver.machine.machine import Machine
+
+Array = npt.NDArray[np.float64]
+
+
+class SlowReadings:
+    """Holds each reading of a slow instrument until its next one.
+
+    Parameters
+    ----------
+    machine
+        Whose instruments they are; those without a rate of their own are read in every scan.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        rate_hz = machine.sampling.scan_rate_hz
+        self._every = {
+            place: round(rate_hz / row.rate_hz)
+            for place, row in enumerate(machine.instruments)
+            if row.rate_hz
+        }
+        self._last: dict[int, float] = {}
+        self._scan = 0
+
+    def hold(self, values: Array) -> None:
+        """Replace what was not read in a block, shape (scans, channels), by the last reading."""
+        scans = np.arange(len(values))
+        for place, every in self._every.items():
+            # Place of the latest reading of this block in each scan; negative: of one before it.
+            latest = scans - (self._scan + scans) % every
+            before = latest < 0
+            held = values[np.maximum(latest, 0), place]
+            held[before] = self._last.get(place, 0.0)
+            values[:, place] = held
+            self._last[place] = float(held[-1])
+        self._scan += len(values)

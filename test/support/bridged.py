@@ -1,0 +1,67 @@
+"""Messages through the bridge node, faster than real time, and the scans that it makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from flea_diag.wire.records import ChannelTable, Health, Scan
+from support.live import Peer, Process, node
+
+LIMIT_S = 60.0
+RELIABLE = "qos_overrides.{}.subscription.reliability:=reliable"
+
+
+def bridged(
+    domain: int, stand: str, sent: Sequence[tuple[str, int, Any]], paced: str, least: int
+) -> tuple[list[Scan], list[ChannelTable]]:
+    """Scans, at least so many, and channel tables that the bridge makes of messages of rosbags.
+
+    No message overtakes one of the topic ``paced``: the bridge has said first that it has all.
+    """
+    from sensor_msgs.msg import JointState, Temperature
+
+    kinds = {"JointState": JointState, "Temperature": Temperature}
+    of_topic = {topic: kinds[type(message).__name__.split("__")[-1]] for topic, _, message in sent}
+    given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in of_topic)]
+    command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
+    with Process(command, domain) as process, Peer(domain) as peer:
+        writers = {
+            topic: peer.node.create_publisher(kind, topic, 100) for topic, kind in of_topic.items()
+        }
+        peer.listen(ChannelTable, Scan, Health)
+        peer.until(lambda: all(w.get_subscription_count() for w in writers.values()), LIMIT_S)
+        count: dict[str, int] = {}
+        for topic, _, message in sent:
+            if topic == paced:
+                peer.until(lambda: _counted(peer.records, count), LIMIT_S)
+            writers[topic].publish(_live(of_topic[topic], message))
+            count[topic] = count.get(topic, 0) + 1
+            if topic == paced:
+                peer.until(lambda: _counted(peer.records, count), LIMIT_S)
+        peer.until(lambda: sum(isinstance(r, Scan) for r in peer.records) >= least, LIMIT_S)
+        process.child.terminate()
+        assert process.end() == 0, process.output
+    scans = [record for record in peer.records if isinstance(record, Scan)]
+    return scans, [record for record in peer.records if isinstance(record, ChannelTable)]
+
+
+def _live(kind: Any, message: Any) -> Any:
+    """The same message for rclpy."""
+    made = kind()
+    made.header.stamp.sec = int(message.header.stamp.sec)
+    made.header.stamp.nanosec = int(message.header.stamp.nanosec)
+    if hasattr(message, "name"):
+        made.name = message.name
+        for field in ("position", "velocity", "effort"):
+            setattr(made, field, getattr(message, field).tolist())
+    else:
+        made.temperature = float(message.temperature)
+    return made
+
+
+def _counted(records: list[Any], count: dict[str, int]) -> bool:
+    """Whether the bridge has said that it received so many messages."""
+    wanted = {f"{topic}/received": str(n) for topic, n in count.items()}
+    said = [dict(r.values) for r in records if isinstance(r, Health) and r.node == "bridge"]
+    return bool(said) and wanted.items() <= said[-1].items()

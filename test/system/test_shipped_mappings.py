@@ -1,0 +1,92 @@
+"""Every shipped stand through its own channels.yaml: healthy recordings are what it was calibrated on.
+
+The simulated machine sends what the stand's robot sends, so that scans made of the robot's messages
+are the scans of the simulation, imported and live, and a healthy run is NOMINAL.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.bridged import bridged
+from support.places import ROOT
+
+from flea_diag.configuration.channels import channel_sources
+from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.main import main
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.records import Scan
+
+STANDS = sorted(path.parent.name for path in (ROOT / "config" / "stands").glob("*/channels.yaml"))
+HEALTHY = {"joint": ("nominal", "nominal_sweep")}
+"""Stand with topics -> two healthy motions. Those with columns or text are read from the recordings
+of others: test_cranfield.py, test_real_flea.py."""
+ELSEWHERE = ("cranfield", "flea")
+SENT, WARM = 120, "/elbow/temperature"
+
+
+def robot() -> Any:
+    """The tutorial's script that makes a robot's messages of simulated scans."""
+    path = ROOT / "docs" / "tutorial" / "robot_recordings.py"
+    spec = spec_from_file_location("robot_recordings", path)
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a simulated bag of each motion of each stand: a unit that no calibration saw."""
+    folder = tmp_path_factory.mktemp("simulated")
+    for stand, motions in HEALTHY.items():
+        for motion in motions:
+            given = f"--machine {stand} --unit-seed 7 --seed 41 --duration 30".split()
+            assert main(["simulate", motion, *given, "-o", str(folder / stand / motion)]) == 0
+    return folder
+
+
+def scans_of(bag: Path) -> list[Scan]:
+    return [record for _, record in read_bag(bag, (Scan,)) if isinstance(record, Scan)]
+
+
+def test_every_shipped_mapping_is_tested() -> None:
+    assert set(STANDS) == {*HEALTHY, *ELSEWHERE}
+
+
+@pytest.mark.parametrize("stand", HEALTHY)
+def test_healthy_recordings_are_quiet_through_the_mapping(
+    stand: str, simulated: Path, tmp_path: Path
+) -> None:
+    for bag in (simulated / stand).iterdir():
+        robot().write_bag(tmp_path / "recordings" / bag.name, scans_of(bag))
+    recorded = sorted(str(path) for path in (tmp_path / "recordings").iterdir())
+    bags, told = tmp_path / "bags", tmp_path / "verdict.json"
+    assert main(["import", "--stand", stand, *recorded, "-o", str(bags)]) == 0
+    for motion in HEALTHY[stand]:
+        expected = scans_of(simulated / stand / motion)
+        made = scans_of(bags / motion)
+        assert [scan.stamp_ns for scan in made] == [scan.stamp_ns for scan in expected]
+        # The gear is divided out of the speed and multiplied in again.
+        for one, other in zip(made, expected, strict=True):
+            assert one.channels == other.channels
+            assert one.values == pytest.approx(other.values, rel=1e-12)
+        assert main(["replay", str(bags / motion), "--stand", stand, "--json", str(told)]) == 0
+        verdict = json.loads(told.read_text(encoding="utf-8"))
+        assert (verdict["outcome"], verdict["episodes"]) == ("NOMINAL", [])
+
+
+@pytest.mark.parametrize("stand", HEALTHY)
+def test_live_scans_are_those_of_the_simulation(stand: str, simulated: Path, domain: int) -> None:
+    pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
+    expected = scans_of(simulated / stand / HEALTHY[stand][0])[:SENT]
+    messages = list(robot().messages(expected))
+    assert {topic for topic, *_ in messages} == set(channel_sources(load_stand(stand)).topics)
+    scans, _ = bridged(domain, stand, messages, WARM, SENT - 4)
+    assert [scan.stamp_ns for scan in scans] == [s.stamp_ns for s in expected[: len(scans)]]
+    for one, other in zip(scans, expected, strict=False):
+        assert one.values == pytest.approx(other.values, rel=1e-12)
