@@ -1,4 +1,4 @@
-"""Every shipped stand through its own channels.yaml: healthy recordings are what it was calibrated on.
+"""Every shipped stand through its own channels.yaml: healthy recordings are quiet.
 
 The simulated machine sends what the stand's robot sends, so that scans made of the robot's messages
 are the scans of the simulation, imported and live, and a healthy run is NOMINAL.
@@ -33,7 +33,8 @@ def robot() -> Any:
     """The tutorial's script that makes a robot's messages of simulated scans."""
     path = ROOT / "docs" / "tutorial" / "robot_recordings.py"
     spec = spec_from_file_location("robot_recordings", path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -41,7 +42,7 @@ def robot() -> Any:
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a simulated bag of each motion of each stand: a unit that no calibration saw."""
+    """A folder with a bag of each motion of each stand, of a unit that no calibration saw."""
     folder = tmp_path_factory.mktemp("simulated")
     for stand, motions in HEALTHY.items():
         for motion in motions:

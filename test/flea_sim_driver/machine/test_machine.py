@@ -87,7 +87,7 @@ def test_a_machine_sends_the_channels_of_its_file_at_its_rate(name: str) -> None
 
 
 def test_a_slow_instrument_is_held_between_its_readings() -> None:
-    """The joint's temperature is read twice a second; blocks of 0.1 s do not begin with a reading."""
+    """The joint's temperature is read twice a second, in every fifth block of the simulation."""
     joint = find_machine("joint")
     run = SimulatedStand(
         overridden(find_scenario("nominal", "joint"), "joint", {"duration_s": 3.0})
