@@ -24,6 +24,8 @@ class SensorSymptoms(Frozen):
         Those of them that hold what lies between the two places.
     own
         Residual in no signature table -> sensors whose faults alone move it.
+    death_unseen
+        Channels whose own tests cannot tell a reading that stands still from a healthy one.
     """
 
     positions: tuple[str, ...] = ()
@@ -31,3 +33,4 @@ class SensorSymptoms(Frozen):
     twins: tuple[str, ...] = ()
     stretched: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    death_unseen: tuple[str, ...] = ()

@@ -209,6 +209,8 @@ class Isolation:
         """
         for hypothesis in self.alive():
             fault = hypothesis.fault
+            if fault.mode == "dead" and fault.channel in self._sensors.death_unseen:
+                continue
             defining = DEFINED_BY.get(fault.mode, ())
             tests = [f"{fault.channel}_{test}" for test, _ in defining]
             source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]

@@ -16,13 +16,17 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensors.noise_loops import noise_loops
-from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, UNIT_LOG, SensorLimit, noise_logs
+from flea_diag.core.sensors.sensor_limits import (
+    NOISE_WINDOWS,
+    QUIETER_LOG,
+    UNIT_LOG,
+    SensorLimit,
+    noise_logs,
+)
 from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 
-QUIETER_LOG = 1.0
-"""The same downwards: a sensor quieter than this no longer measures."""
 WARM_UP_SCANS = 600  # assumption: size of a sample
 LARGEST_BASELINE = 0.7
 """Most extra noise learned from this unit's first seconds, over nominal (logarithm)."""

@@ -29,6 +29,8 @@ REST_S = 0.03
 NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 UNIT_LOG = 0.3
 """Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
+QUIETER_LOG = 1.0
+"""The same downwards: a sensor quieter than this no longer measures."""
 STEP_GUARD = math.exp(UNIT_LOG)
 """Ratio of the limit of steps to the largest step to expect of the noise: where none is of the
 motion it is of that, and a healthy sensor that is noisier steps by more."""
@@ -81,6 +83,14 @@ class SensorLimit(Frozen):
         if not self.k:  # no noise of its own
             return test == f"{self.channel}_stuck" and self.repeats > 0
         return channel == self.channel and (kind == "noise" or self.repeats > 0)
+
+    def shows_death(self, resolution: float) -> bool:
+        """Whether a reading that stands still shows in a test of this sensor alone.
+
+        Not where readings come much more seldom than scans and are held in between: a healthy one
+        stands still as well, and its noise is that of its resolution.
+        """
+        return self.repeats > 0 or self.quietest - QUIETER_LOG > math.log(resolution)
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers and strings."""

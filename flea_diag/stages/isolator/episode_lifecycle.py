@@ -139,7 +139,7 @@ class EpisodeLifecycle:
         self.current = FaultEpisode(
             shared,
             self._k.effects.residuals,
-            Isolation(self._k.faults, self._k.signatures, self._k.effects.residuals.symptoms),
+            Isolation(self._k.faults, self._k.signatures, self._k.symptoms),
             EpisodeEvidence(
                 self._quantitative.names,
                 self._quantitative.basis,

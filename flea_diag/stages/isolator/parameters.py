@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.calibration.out_of_sample import GroupCoverage
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault
+from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.signatures.signature import SignatureTable
 from flea_diag.wire.parameters import parameter
@@ -128,3 +130,15 @@ class Knowledge:
     faults: Mapping[str, Fault]
     signatures: Mapping[Quadrant, SignatureTable]
     features: FaultFeatureTable
+
+    @cached_property
+    def symptoms(self) -> SensorSymptoms:
+        """What isolation looks up about sensors, with what their limits can show."""
+        residuals = self.effects.residuals
+        resolutions = residuals.sensors.resolutions
+        unseen = tuple(
+            limit.channel
+            for limit in self.calibration.sensors
+            if limit.channel in resolutions and not limit.shows_death(resolutions[limit.channel])
+        )
+        return replace(residuals.symptoms, death_unseen=unseen)

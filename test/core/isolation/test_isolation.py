@@ -209,6 +209,18 @@ def test_faults_defined_by_a_symptom_go_when_it_stays_out():
     assert "still follows the motion" in isolation.hypotheses["actuator_position_dead"].why_dropped
 
 
+def test_a_death_that_no_test_can_show_is_not_dropped_for_showing_nothing():
+    """The joint's temperature is read twice a second and held in between: a healthy reading."""
+    joint = load_stand("joint")
+    known = knowledge(joint, load_calibration(joint.calibration))
+    assert known.symptoms.death_unseen == ("motor_temperature",)
+    isolation = Isolation(known.faults, known.signatures, known.symptoms)
+    isolation.require(9, {}, ())
+    assert "motor_temperature_dead" in alive(isolation)
+    assert not {"motor_current_dead", "motor_temperature_noise"} & alive(isolation)
+    assert stands.knowledge().symptoms.death_unseen == ()
+
+
 def test_faults_defined_by_a_symptom_stay_when_it_shows():
     isolation = fresh()
     seen = ("motor_current_noise", "load_force_dropout", "nut_temperature_stuck")
