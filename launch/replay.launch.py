@@ -28,7 +28,7 @@ ARGUMENTS = (
 
 TIME = {"use_sim_time": True}
 REPLAY = {"source": "replay"}
-"""Marks the verdicts as those of a replay, which raise no alarm."""
+"""Marks the verdicts as those of a replay, which raise no alarm and no status on /diagnostics."""
 MEMORY = {"memory": "none"}
 """A replay does not take up where another has ended."""
 
@@ -36,7 +36,7 @@ MEMORY = {"memory": "none"}
 def nodes(context):
     given = BESIDE["values"](context, ARGUMENTS)
     stand = {**BESIDE["stand"](given), **TIME}
-    stages = {"observer": {}, "isolator": REPLAY, "extractor": {}}
+    stages = dict.fromkeys(("observer", "isolator", "extractor"), REPLAY)
     diagnosis = {"diagnoser": {**REPLAY, **MEMORY}} if given["composed"] else stages
     started = BESIDE["Nodes"](given["namespace"])
     for stage, more in diagnosis.items():

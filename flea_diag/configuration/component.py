@@ -53,6 +53,18 @@ class Batch:
     )
 
 
+@dataclass(frozen=True)
+class DataSource:
+    """Whether the data is that of the stand now."""
+
+    source: str = parameter(
+        "live",
+        "source of the data; of a replay nothing is raised on /diagnostics",
+        choices=("live", "replay"),
+        read_only=True,
+    )
+
+
 P = TypeVar("P")
 
 
@@ -161,13 +173,13 @@ def _diagnoser(stand: Stand, values: Any) -> Pipeline:
 
 
 OBSERVER: Component[Any] = Component(
-    _joined("Observer", StandParameters, Batch, ObserverParameters), _observer
+    _joined("Observer", StandParameters, DataSource, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
     _joined("Isolator", StandParameters, IsolatorParameters), _isolator
 )
 EXTRACTOR: Component[Any] = Component(
-    _joined("Extractor", StandParameters, ExtractorParameters), _extractor
+    _joined("Extractor", StandParameters, DataSource, ExtractorParameters), _extractor
 )
 DIAGNOSER: Component[Any] = Component(
     _joined(

@@ -84,7 +84,7 @@ class Bridge:
         self._before = self._received.copy()
         level, words = Level.OK, "bridging"
         if silent:
-            level = Level.STALE if len(silent) == len(self._mapping.topics) else Level.WARN
+            level = Level.WARN
             words = f"no readings from {', '.join(silent)}"
         counts = {f"{topic}/received": n for topic, n in sorted(self._received.items())}
         counts |= {f"{topic}/unreadable": n for topic, n in sorted(self._unreadable.items())}

@@ -67,15 +67,17 @@ class HealthReport:
         state = ("state", self._bus.state)
         values = (state, *self._stream_values(), *self._machine_values(), *extra)
         self._reported_passed_over = passed_over
+        if self._bus.replays:
+            level = Level.OK
         return Health(self._bus.now_ns(), self._bus.name, level, message, values)
 
     def _judged(self, passed_over: int) -> tuple[Level, str]:
         new = passed_over - self._reported_passed_over
         if self._last_taken_s is None:
-            return Level.STALE, "waiting for the first record"
+            return Level.WARN, "waiting for the first record"
         if self.silent:
             silent_s = time.monotonic() - self._last_taken_s
-            return Level.STALE, f"no record for {silent_s:.0f} s: check that the source is running"
+            return Level.WARN, f"no record for {silent_s:.0f} s: check that the source is running"
         if new > 0:
             return Level.WARN, f"{new} messages skipped or lost since the last report"
         return Level.OK, "running"

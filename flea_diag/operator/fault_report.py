@@ -48,13 +48,16 @@ class FaultReport:
         return FaultReport(self.fault_code, PASSED, self.severity, self.description)
 
 
-def fault_report(group: AmbiguityGroup) -> FaultReport | None:
-    """Report of a verdict of the live stand; None where there is nothing to report."""
+def fault_report(group: AmbiguityGroup, stand: str) -> FaultReport | None:
+    """Report of a verdict of the live stand; None where there is nothing to report.
+
+    A fault manager keeps one fault a code, whoever reports it, so the code begins with the stand.
+    """
     if group.source != "live" or group.outcome not in REPORTED:
         return None
     named = group.outcome is Outcome.ISOLATED and group.members
     return FaultReport(
-        code(group.members[0].fault if named else group.outcome.value),
+        code(stand, group.members[0].fault if named else group.outcome.value),
         FAILED,
         SEVERITY[OUTCOME_LEVEL[group.outcome]],
         group.words,
@@ -62,9 +65,18 @@ def fault_report(group: AmbiguityGroup) -> FaultReport | None:
     )
 
 
-def code(name: str) -> str:
-    """A name as a fault code: upper snake case, of at most 64 characters."""
-    return re.sub(r"[^A-Z0-9]+", "_", name.upper()).strip("_")[:LONGEST_CODE]
+def code(stand: str, name: str) -> str:
+    """A fault of a stand as a code: upper snake case, of at most 64 characters.
+
+    Of a long name of the stand its end is kept, which tells it from those beside it.
+    """
+    fault = _snake(name)[:LONGEST_CODE]
+    room = max(0, LONGEST_CODE - len(fault) - 1)
+    return f"{_snake(stand)[-room:] if room else ''}_{fault}".strip("_")
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"[^A-Z0-9]+", "_", name.upper()).strip("_")
 
 
 def evidence(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:

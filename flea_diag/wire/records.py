@@ -403,13 +403,17 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Health of a node of flea_diag (REP-107), not of the actuator."""
+    """One status on /diagnostics (REP-107): of a node, or of the stand in its words.
+
+    ``hardware`` is the serial of what the status is on; empty: the actuator of the stand.
+    """
 
     stamp_ns: int
     node: str
     level: Level
     message: str
     values: tuple[tuple[str, str], ...] = ()
+    hardware: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,11 @@ def words_of(part: Any, whole: Any = None) -> Words:
     return words._replace(message=f"{words.level.name}: {words.message}")
 
 
+def sentence_of(words: Words) -> str:
+    """The message without its level, for where the level is shown beside it."""
+    return words.message.removeprefix(f"{words.level.name}: ")
+
+
 def _verdict_level(group: r.AmbiguityGroup | r.Hypotheses) -> Level:
     stale = isinstance(group, r.AmbiguityGroup) and group.stale
     return Level.STALE if stale else r.OUTCOME_LEVEL[group.outcome]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.bridged import bridged
+from support.neighbours.bridged import bridged
 from support.foreign import arm
 from support.live import Process, node
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.bridged import bridged
+from support.neighbours.bridged import bridged
 from support.places import ROOT
 
 from flea_diag.configuration.channels import channel_sources

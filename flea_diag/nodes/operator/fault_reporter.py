@@ -50,7 +50,7 @@ class FaultReporter:
     def _take(self, group: AmbiguityGroup) -> None:
         self._health.taken()
         if not group.stale:
-            self._wanted = fault_report(group)
+            self._wanted = fault_report(group, self._bus.stand)
         self._report()
 
     def _repeat(self) -> None:

@@ -168,10 +168,9 @@ class Player:
 
     def _report(self) -> None:
         waiting = self._first_ns is None
-        level = Level.STALE if waiting else Level.OK
         words = "waiting" if waiting else "bag is over" if self._ended else "playing"
         values = (("state", self._bus.state), ("records", str(self._played)))
-        self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, words, values))
+        self._bus.publish(Health(self._bus.now_ns(), self._bus.name, Level.OK, words, values))
 
 
 def opened(bag: str) -> BagReader:

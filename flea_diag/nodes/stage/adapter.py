@@ -89,6 +89,8 @@ class Adapter:
         for due in self._stamps.due(record):
             if isinstance(due, SAID_ONCE):
                 self._said_once[type(due)] = due
+            if isinstance(due, ChannelTable):
+                self._output.take_table(due)
             self._output.publish(self._stage.handle(due))
 
     def _take_block(self, block: ScanBlock) -> bool:

@@ -8,11 +8,12 @@ from typing import Any
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.stage.malformed import with_malformed
 from flea_diag.nodes.stage.record_log import RecordLog
-from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored
+from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored, serial_of
 from flea_diag.nodes.stage.verdict import NumberedVerdict
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import (
     AmbiguityGroup,
+    ChannelTable,
     DataQuality,
     Record,
     Residual,
@@ -46,6 +47,11 @@ class StageOutput:
         self._quality: DataQuality | None = None
         """Data quality as the stage last said it."""
         self._malformed_said = 0
+        self._serial = ""
+
+    def take_table(self, table: ChannelTable) -> None:
+        """Note the serial of the actuator that the statuses are on."""
+        self._serial = serial_of(table)
 
     def publish(self, records: tuple[Record, ...]) -> None:
         """Publish what the stage has just said."""
@@ -73,7 +79,7 @@ class StageOutput:
         if again is not None:
             self._publish_verdict(again)
         for record in self._mirrored.values():
-            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
+            self._show(record)
 
     def note_silence(self) -> None:
         """Mark the verdict stale when the source has stopped, and sound when it goes on."""
@@ -82,14 +88,14 @@ class StageOutput:
             self._publish_verdict(changed)
             if changed.stale:
                 self._bus.caution("the source has stopped: the last verdict is repeated as stale")
-            self._mirror(changed)
+            else:
+                self._mirror(changed)
 
     def pause(self) -> None:
         """Mark the verdict stale: nothing is judged until the node is activated again."""
         changed = self._verdict.source_silent(True)
         if changed is not None:
             self._bus.publish(changed)
-            self._mirror(changed)
 
     def forget(self) -> None:
         """Forget what was said of the run so far."""
@@ -116,4 +122,10 @@ class StageOutput:
         """Publish a changed state on /diagnostics; it is repeated every second."""
         if isinstance(record, MIRRORED):
             self._mirrored[type(record)] = record
-            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
+            self._show(record)
+
+    def _show(self, record: Record) -> None:
+        """A status that nobody repeats goes stale by itself where it is shown."""
+        if isinstance(record, MIRRORED) and not self._health.silent:
+            now_ns, live = self._bus.now_ns(), not self._bus.replays
+            self._bus.publish(mirrored(record, self._bus.name, now_ns, self._serial, live))

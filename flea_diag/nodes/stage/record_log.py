@@ -20,7 +20,7 @@ from flea_diag.wire.records import (
     Record,
     Symbols,
 )
-from flea_diag.wire.wording import Words, words_of
+from flea_diag.wire.wording import Words, sentence_of, words_of
 
 EXPLAINING: tuple[type, ...] = (Symbols, FeatureRequest, FeatureValue)
 """Records that explain a verdict; logged at debug level only."""
@@ -50,7 +50,7 @@ class RecordLog:
         elif isinstance(record, DataQuality):
             self._quality(record)
         elif isinstance(record, EXPLAINING):
-            self._bus.debug(_sentence(words_of(record)))
+            self._bus.debug(sentence_of(words_of(record)))
 
     def _group(self, group: AmbiguityGroup) -> None:
         """The verdict if outcome, episode or members have changed, and the faults dropped."""
@@ -66,16 +66,11 @@ class RecordLog:
     def _quality(self, quality: DataQuality) -> None:
         """Channels that have become invalid; throttled, because a loose plug repeats them."""
         rows = [(row.channel, words_of(row, quality)) for row in quality.channels]
-        unsound = frozenset((name, _sentence(w)) for name, w in rows if w.level is not Level.OK)
+        unsound = frozenset((name, sentence_of(w)) for name, w in rows if w.level is not Level.OK)
         news = sorted(unsound - self._unsound)
         self._unsound = unsound
         if news:
             self._bus.warn("; ".join(f"{channel} {words}" for channel, words in news))
 
     def _say(self, words: Words, before: str = "") -> None:
-        self._at_level[words.level](before + _sentence(words))
-
-
-def _sentence(words: Words) -> str:
-    """The message without its level, which the log line already has."""
-    return words.message.removeprefix(f"{words.level.name}: ")
+        self._at_level[words.level](before + sentence_of(words))

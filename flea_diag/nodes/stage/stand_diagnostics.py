@@ -2,29 +2,68 @@
 
 Repeats the verdict and the state of the channels, which have topics of their own, once a second
 and on every change. No node of ours reads it. Names are ``NODE: verdict`` and ``NODE: channels``
-(REP-107), beside ``NODE`` for the health of the node itself.
+(REP-107), beside ``NODE`` for the health of the node itself. While the source is silent nothing is
+repeated: whoever watches calls it stale by a time limit of his own, as for any other status.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+
 from flea_diag.wire.messages.summary import summary
-from flea_diag.wire.records import AmbiguityGroup, DataQuality, Health, Record
-from flea_diag.wire.wording import words_of
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Health,
+    Level,
+    Outcome,
+    Record,
+)
+from flea_diag.wire.wording import sentence_of, words_of
 
 MIRRORED: tuple[type, ...] = (AmbiguityGroup, DataQuality)
+REPLAY = "replay: "
+"""Begins the words of a verdict that says nothing of the stand as it is now."""
 
 
-def mirrored(record: AmbiguityGroup | DataQuality, node: str, now_ns: int) -> Health:
-    """Diagnostic status with the content of a record of one of the ``MIRRORED`` types."""
+def mirrored(
+    record: AmbiguityGroup | DataQuality,
+    node: str,
+    now_ns: int,
+    serial: str = "",
+    live: bool = True,
+) -> Health:
+    """Diagnostic status with the content of a record of one of the ``MIRRORED`` types.
+
+    Parameters
+    ----------
+    serial
+        Of the actuator, where its channel table states one.
+    live
+        Whether it says how the stand is now; a replay is OK whatever it finds.
+    """
     if isinstance(record, DataQuality):
-        return _status(record, f"{node}: channels", now_ns, _of_channels(record))
-    brief = summary(record)
-    return _status(brief, f"{node}: verdict", now_ns, _of_group(brief))
+        kind, brief, values = "channels", record, _of_channels(record)
+    else:
+        kind, brief = "verdict", summary(record)
+        values = _of_group(brief)
+        live = live and record.source == "live"
+    words = words_of(brief)
+    level = words.level if live and not _at_rest(record) else Level.OK
+    message = ("" if live else REPLAY) + sentence_of(words)
+    return Health(now_ns, f"{node}: {kind}", level, message, values, serial)
 
 
-def _status(record: Record, name: str, now_ns: int, values: tuple[tuple[str, str], ...]) -> Health:
-    words = words_of(record)
-    return Health(now_ns, name, words.level, words.message, values)
+def serial_of(table: ChannelTable) -> str:
+    """Serial of the actuator: that of most of its channels, the first of those as frequent."""
+    counts = Counter(row.serial for row in table.channels if row.serial)
+    return max(counts, key=lambda serial: counts[serial], default="")
+
+
+def _at_rest(record: Record) -> bool:
+    """Whether nothing is wrong but that nothing moves, as with a parked robot."""
+    return isinstance(record, AmbiguityGroup) and record.outcome is Outcome.NOT_OBSERVABLE
 
 
 def _of_group(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:

@@ -83,6 +83,11 @@ class Bus(NodeLog, Generic[P]):
         """Whether records may be published; health may in any state."""
         return self.state not in SILENT
 
+    @property
+    def replays(self) -> bool:
+        """Whether the node diagnoses a recording: that says nothing of the stand as it is now."""
+        return getattr(self._declared.value, "source", "live") != "live"
+
     def topic_name(self, topic: Topic) -> str:
         """Name of a topic as it is given to the node."""
         return topic.name

@@ -203,7 +203,9 @@ class Managed:
         state = self._bus.state
         if not self._reports or (state == states.ACTIVE and not also_active):
             return
-        level = Level.OK if state == states.ACTIVE else Level.STALE
+        # Whoever has failed has a reason of its own; who waits to be activated is no error.
+        waits = Level.WARN if self.reason == IDLE else Level.ERROR
+        level = Level.OK if state == states.ACTIVE or self._bus.replays else waits
         words = state if state == states.ACTIVE else f"{state}: {self.reason}"
         values = (("state", state),)
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, words, values))

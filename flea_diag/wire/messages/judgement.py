@@ -16,6 +16,8 @@ from flea_diag.wire.messages.key_values import Pairs, arguments, key_values
 from flea_diag.wire.wording import Words, words_of
 
 R = TypeVar("R")
+OF_STAND = "/actuator"
+"""Ends the hardware_id of what has no serial: that of its stand."""
 NAMES = ", "
 """Separates the names of the members in one value."""
 
@@ -74,9 +76,10 @@ FIRST_KEYS: dict[type, tuple[str, ...]] = {
 
 def statuses(record: Any, stand: str) -> list[Status]:
     """Rows of a record, the record's own status first."""
-    hardware = f"{stand}/actuator"
+    hardware = f"{stand}{OF_STAND}"
     if isinstance(record, r.Health):
-        return [Status(record.level, record.node, record.message, hardware, record.values)]
+        named = record.hardware or hardware
+        return [Status(record.level, record.node, record.message, named, record.values)]
     rows = [_status(words_of(record), hardware, _head_values(record))]
     for table in ROWS.get(type(record), ()):
         standing = (("standing", table.standing),) if table.standing else ()
@@ -141,7 +144,9 @@ def record_of(record_type: type[R], stamp_ns: int, rows: Sequence[Status]) -> R:
 def _health(stamp_ns: int, rows: Sequence[Status]) -> r.Health:
     if len(rows) > 1:
         raise WireError(f"Health: {len(rows)} statuses, must be 1")
-    return r.Health(stamp_ns, rows[0].name, r.Level(rows[0].level), rows[0].message, rows[0].values)
+    level, name, message, hardware, values = rows[0]
+    serial = "" if hardware.endswith(OF_STAND) else hardware
+    return r.Health(stamp_ns, name, r.Level(level), message, values, serial)
 
 
 def _parts(table: RowField, rows: Sequence[Status]) -> tuple[Any, ...]:

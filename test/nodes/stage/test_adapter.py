@@ -104,7 +104,7 @@ def test_the_log_says_start_readiness_and_each_verdict_once(stand: Stand) -> Non
     assert said[0].startswith("flea_diag ")
     assert said[0].endswith("stand stand; a toy that says jam")
     assert said[2].startswith("ready after ")
-    assert said[2].endswith("listening to /sensors/slow")
+    assert said[2].endswith("listening to /sensors/channels, /sensors/slow")
     assert said[3:5] == ["NOMINAL: nominal", "ISOLATED: isolated"]
     assert [line.split("]")[0] for line in lines[3:5]] == ["[INFO", "[ERROR"]
 
@@ -214,7 +214,7 @@ def test_what_cannot_be_used_is_in_data_quality_by_its_kind(stand: Stand) -> Non
 def test_health_says_what_it_waits_for(stand: Stand) -> None:
     waiting = stand.peer.find(lambda r: isinstance(r, Health) and "waiting" in r.message)
     assert waiting.node == "toy"
-    assert waiting.level == Level.STALE
+    assert waiting.level == Level.WARN
 
 
 def test_reset_closes_the_episode(stand: Stand) -> None:

@@ -4,25 +4,52 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from support.verdicts import LAST, NOMINAL, START
+from support.verdicts import LAST, NOMINAL, START, group
 
-from flea_diag.nodes.stage.stand_diagnostics import mirrored
-from flea_diag.wire.records import ChannelQuality, DataQuality, Level, Quality
+from flea_diag.nodes.stage.stand_diagnostics import mirrored, serial_of
+from flea_diag.wire.records import (
+    ChannelInfo,
+    ChannelQuality,
+    ChannelTable,
+    DataQuality,
+    Level,
+    Outcome,
+    Quality,
+)
 
 
 def test_the_verdict_with_its_level_and_members() -> None:
-    status = mirrored(LAST, "isolator", START + 1)
-    assert (status.node, status.level, status.message) == (
-        "isolator: verdict", Level.ERROR, "ERROR: words",
+    status = mirrored(LAST, "isolator", START + 1, "EMA-7")
+    assert (status.node, status.level, status.message, status.hardware) == (
+        "isolator: verdict", Level.ERROR, "words", "EMA-7",
     )  # fmt: skip
     assert dict(status.values)["possible/jam"] == "probability 1: fits"
     assert mirrored(NOMINAL, "isolator", START).level is Level.OK
 
 
-def test_stale_is_stale_and_no_error() -> None:
-    status = mirrored(replace(LAST, stale=True), "isolator", START)
-    assert status.level is Level.STALE
-    assert "the source has stopped" in status.message
+def test_a_parked_robot_is_ok_with_words() -> None:
+    parked = group(Outcome.NOT_OBSERVABLE)
+    status = mirrored(parked, "isolator", START)
+    assert (status.level, status.message) == (Level.OK, parked.words)
+
+
+def test_a_replay_raises_nothing() -> None:
+    bad = ChannelQuality("motor_voltage", Quality.BAD, START, "stuck at -24 V")
+    for status in (
+        mirrored(replace(LAST, source="replay"), "isolator", START),
+        mirrored(DataQuality(START, (bad,)), "observer", START, live=False),
+    ):
+        assert status.level is Level.OK
+        assert status.message.startswith("replay: ")
+
+
+def test_the_serial_is_that_of_most_channels() -> None:
+    rows = [
+        ChannelInfo(f"c{k}", "A", 0.0, 1.0, 100.0, serial=s)
+        for k, s in enumerate(["", "A", "B", "B"])
+    ]
+    assert serial_of(ChannelTable(START, "stand", tuple(rows))) == "B"
+    assert serial_of(ChannelTable(START, "stand", tuple(rows[:1]))) == ""
 
 
 def test_channels_are_as_bad_as_the_worst() -> None:

@@ -18,6 +18,7 @@ from flea_diag.wire.records import (
     AmbiguityGroup,
     Candidate,
     ChannelQuality,
+    ChannelTable,
     DataQuality,
     Hypotheses,
     Outcome,
@@ -33,13 +34,14 @@ class ToyParameters:
     limit_a: float = parameter(5.0, "Current above which", unit="A", minimum=0.0, maximum=40.0)
     fault: str = parameter("jam", "Fault that it then says", choices=("jam", "spall"))
     serial: str = parameter("x", "Set once", read_only=True)
+    source: str = parameter("live", "Source", choices=("live", "replay"), read_only=True)
     busy: bool = parameter(False, "Never get ready", read_only=True)
 
 
 class ToyStage:
     """Residual = scans seen since it was built; a group when the current passes the limit."""
 
-    consumes: tuple[type, ...] = (Scan,)
+    consumes: tuple[type, ...] = (ChannelTable, Scan)
 
     def __init__(self, parameters: ToyParameters) -> None:
         self._parameters = parameters
@@ -47,6 +49,8 @@ class ToyStage:
         self._outcome: Outcome | None = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
+        if isinstance(record, ChannelTable):
+            return ()
         assert isinstance(record, Scan)
         self._seen += 1
         self._held += 1
@@ -85,7 +89,7 @@ class ToyStage:
             detected_stamp_ns=NEVER_NS,
             words=outcome.value.lower(),
             calibration_sha256="",
-            source="live",
+            source=self._parameters.source,
         )
 
 
@@ -116,6 +120,7 @@ class Toy:
 
 if __name__ == "__main__":
     ports = StagePorts(
-        subscribes=(Scan,), publishes=(DataQuality, Residual, Hypotheses, AmbiguityGroup)
+        subscribes=(ChannelTable, Scan),
+        publishes=(DataQuality, Residual, Hypotheses, AmbiguityGroup),
     )
     sys.exit(run(lambda: stage_program("toy", "A toy.", Toy, ports, ("an example",))))
