@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.neighbours.bridged import bridged
 from support.foreign import arm
 from support.live import Process, node
+from support.neighbours.bridged import bridged
 
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag

@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from support.neighbours.aggregator import ERROR, OK, STALE, WARN, Aggregator
 from support.live import Peer, Process, toy
+from support.neighbours.aggregator import ERROR, OK, STALE, WARN, Aggregator
 from support.places import ROOT
 
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Health, Scan
