@@ -20,6 +20,17 @@ def count(text: str) -> int:
     return number
 
 
+def add_json(parser: ArgumentParser, what: str) -> None:
+    """Declare ``--json``, the same in all commands: alone it prints, with a name it writes."""
+    parser.add_argument(
+        "--json",
+        nargs="?",
+        const="-",
+        metavar="OUT",
+        help=f"{what} as JSON: on standard output, or to the file OUT",
+    )
+
+
 def add_jobs(parser: ArgumentParser) -> None:
     """Declare ``-j``, for commands that work on one file after the other."""
     parser.add_argument(

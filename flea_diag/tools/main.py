@@ -10,12 +10,15 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Any
+from difflib import get_close_matches
+from importlib.util import find_spec
+from typing import Any, NoReturn
 
 from flea_diag import __version__
-from flea_diag.errors import FleaError, line_of
+from flea_diag.errors import FleaError, line_of, shown
 from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command
 
@@ -30,6 +33,7 @@ MODULES = {
     "features": "features.features",
     "import": "recordings.importer",
     "replay": "replay.replay",
+    "export": "export.export",
     "evaluate": "evaluate.evaluate",
     "coverage": "evaluate.coverage",
     "diff": "score.diff",
@@ -47,8 +51,13 @@ examples:
   flea calibrate bags/*Nominal* -o cal.yaml    identify parameters and limits from nominal runs
   flea replay bags/run --calibration cal.yaml  diagnose a bag
   flea model signatures                        show the signature of each fault
+
+exit status of every command: 0 done, 1 done in part or a limit not met, 2 refused, 130 interrupted
+completion in bash and zsh (extra completion): eval "$(register-python-argcomplete flea)"
 """
 
+COMPLETING = "_ARGCOMPLETE"
+"""Set by a shell that asks argcomplete for what may come next."""
 USAGE_ERROR = 2
 INTERRUPTED = 130
 
@@ -58,10 +67,53 @@ def commands(names: Iterable[str] = MODULES) -> dict[str, Any]:
     return {name: importlib.import_module(f"{__package__}.{MODULES[name]}") for name in names}
 
 
+class CommandParser(argparse.ArgumentParser):
+    """A parser that names the word that is wrong, and the one that was meant.
+
+    Python 3.14 has a part of it (``suggest_on_error``), for choices alone.
+    """
+
+    _given: tuple[str, ...] = ()
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does; the words are kept, to find the one that is wrong among them."""
+        self._given = tuple(args or ())
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """End with status 2; a mistyped word comes with the closest one that is known."""
+        if message.startswith("the following arguments are required") and self._stray():
+            message = f"unrecognized arguments: {self._stray()}"
+        unknown = message.removeprefix("unrecognized arguments: ")
+        if unknown != message:
+            word = next((w for w in unknown.split() if w.startswith("-")), unknown.split()[0])
+            known = [option for option in self._option_string_actions if option.startswith("--")]
+            message = f"unknown argument {shown(word)}{meant(word, known)}"
+        elif wrong := _CHOICE.search(message):
+            choices = re.findall(r"[^\s,']+", wrong[2])
+            message = f"{wrong[1]!r} is unknown{meant(wrong[1], choices)}; choose from {wrong[2]}"
+        super().error(message)
+
+    def _stray(self) -> str:
+        """The first option that is none of this command, also by its first letters."""
+        options = self._option_string_actions
+        words = (word.partition("=")[0] for word in self._given if word.startswith("--"))
+        return next((w for w in words if not any(o.startswith(w) for o in options)), "")
+
+
+_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)", re.DOTALL)
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """The question whether a similar word was meant; empty without one."""
+    close = get_close_matches(word.partition("=")[0], list(known), 1, 0.6)
+    return f", did you mean {close[0]}?" if close else ""
+
+
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
     """Parser of the whole command."""
     raw = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="flea", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=raw
     )
     parser.add_argument("--version", action="version", version=f"flea_diag {__version__}")
@@ -86,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     known = commands(name for name in given[:1] if name in MODULES) or commands()
     begin_command()
-    parsed = parser_of(known).parse_args(given)
+    parsed = _parsed(parser_of(known), given)
     try:
         status = int(known[parsed.command].run(parsed))
         sys.stdout.flush()
@@ -102,6 +154,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # exit, which must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def _parsed(parser: argparse.ArgumentParser, given: Sequence[str]) -> argparse.Namespace:
+    """Arguments of the command; those left over are the fault of the command that was named."""
+    if COMPLETING in os.environ and find_spec("argcomplete"):
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    parsed, left = parser.parse_known_args(given)
+    if left:
+        for chosen in (parsed.command, getattr(parsed, "action", "")):
+            parts = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+            parser = parts[0].choices[chosen] if parts and chosen else parser
+        parser.error(f"unrecognized arguments: {' '.join(left)}")
+    return parsed
 
 
 if __name__ == "__main__":

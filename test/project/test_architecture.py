@@ -31,7 +31,7 @@ ROS = (
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 TABLES = ("pyarrow",)
 PAGES = ("jinja2", "markupsafe")
-BATCH = ("tqdm", "distributed", "fsspec")
+BATCH = ("tqdm", "distributed", "fsspec", "argcomplete")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.
@@ -110,6 +110,7 @@ ROOMS = (
         (
             "flea_diag",
             "flea_diag.tools",
+            "flea_diag.api",
             "flea_diag.operator",
             "flea_diag.wire",
             "flea_diag.stages",
@@ -226,6 +227,7 @@ ARROWS = {
         "calibrate": (),
         "features": (),
         "replay": (),
+        "export": ("replay",),
         "campaign": ("calibrate", "recordings"),
         "score": ("campaign",),
         "evaluate": ("campaign", "features", "replay", "score"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import signal
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.decisions import BAGS
 
 from flea_diag import __version__, tools
 from flea_diag.errors import CalibrationError
@@ -170,3 +172,42 @@ def test_help_loads_nothing_slow() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["repaly", "bags/jam"], "'repaly' is unknown, did you mean replay?"),
+        (["replay", "bags/jam", "--jsn"], "unknown argument '--jsn', did you mean --json?"),
+        (
+            ["stand", "new", "./x", "--form", "a.csv"],
+            "unknown argument '--form', did you mean --from",
+        ),
+        (["stand", "nwe"], "'nwe' is unknown, did you mean new?"),
+        (["diff", "a", "b", "c"], "flea diff: error: unknown argument 'c'"),
+    ],
+)
+def test_a_typo_is_blamed_on_the_word_that_is_wrong(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_the_shell_is_told_what_may_come_next(tmp_path: Path) -> None:
+    answer = tmp_path / "answer"
+    asked = {"COMP_LINE": "flea rep", "COMP_POINT": "8", "_ARGCOMPLETE": "1"}
+    where = {"_ARGCOMPLETE_STDOUT_FILENAME": str(answer)}
+    command = [sys.executable, "-m", "flea_diag.tools.main"]
+    subprocess.run(command, env={**os.environ, **asked, **where}, check=True)
+    assert answer.read_text(encoding="utf-8").strip() == "replay"
+
+
+def test_json_is_one_switch(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Alone it prints nothing but JSON, with a name it writes the same."""
+    assert main(["replay", str(BAGS / "nominal"), "--json", "-q"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert main(["replay", str(BAGS / "nominal"), "--json", str(tmp_path / "x.json")]) == 0
+    assert json.loads((tmp_path / "x.json").read_text(encoding="utf-8")) == printed

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from flea_diag.errors import FleaError
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_stand, chosen_stand
-from flea_diag.tools.terminal import IN_PART, progress, say, warn
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json
 
 NAME = "bag"
 SUMMARY = "check the integrity of bags (flea bag check BAGDIR...)"
@@ -25,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check_parser = actions.add_parser("check", help="check layout, metadata and every message")
     check_parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to check")
     add_stand(check_parser)
+    add_json(check_parser, "the findings")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,6 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.bags.findings import BagFinding, check
 
     bad, units = 0, _units(arguments)
+    told: list[dict[str, object]] = []
     for number, bag in enumerate(arguments.bags, 1):
         progress(number, len(arguments.bags), bag.name)
         try:
@@ -39,10 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
         except FleaError as error:
             findings = [BagFinding(True, str(error))]
         bad += any(finding.error for finding in findings)
+        told.append({"bag": str(bag), "findings": [finding._asdict() for finding in findings]})
+        if arguments.json == "-":
+            continue
         for finding in findings:
             say(f"{bag}: {'error' if finding.error else 'note'}: {finding.words}")
         if not findings:
             say(f"{bag}: sound")
+    if arguments.json:
+        write_json(arguments.json, told)
     if bad and len(arguments.bags) > 1:
         warn(f"{bad} of {len(arguments.bags)} bags have errors")
     return IN_PART if bad else 0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
-from flea_diag.tools.terminal import IN_PART, say, warn
+from flea_diag.tools.argument import add_json
+from flea_diag.tools.terminal import IN_PART, say, warn, write_json
 
 NAME = "recover"
 SUMMARY = "copy a truncated bag to a new one with summary, index and metadata.yaml"
@@ -22,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="BAGDIR", help="new bag (default: BAGDIR_recovered)"
     )
+    add_json(parser, "what was recovered and lost")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -33,5 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     recovered = recover(source, target)
     for loss in recovered.losses:
         warn(loss)
-    say(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
+    if arguments.json:
+        write_json(arguments.json, {"bag": str(target), **asdict(recovered)})
+    if arguments.json != "-":
+        say(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
     return IN_PART if any("no footer" not in loss for loss in recovered.losses) else 0

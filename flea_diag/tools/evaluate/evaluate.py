@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.argument import add_cluster
+from flea_diag.tools.argument import add_cluster, add_json
 from flea_diag.tools.extra import require
 from flea_diag.tools.planned_runs import add_option, check_planned
 from flea_diag.tools.stand_option import add_stand
@@ -69,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser)
     parser.add_argument("--force", action="store_true", help="delete earlier results, start again")
+    add_json(parser, "summary.json")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
 
 
@@ -105,10 +106,11 @@ def run(arguments: argparse.Namespace) -> int:
                     results = _results(rest, work, jobs, arguments.dask)
                     _keep(results, log, _bar(len(cases), left, arguments.quiet))
             except KeyboardInterrupt:
-                _score(campaign, done, folder, arguments.drawn, quiet=True)
+                _score(campaign, done, folder, arguments.drawn, True)
                 warn(f"{len(done)} of {len(cases)} runs are done; the same command resumes")
                 raise
-            return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
+            quiet = arguments.quiet or arguments.json == "-"
+            return _score(campaign, done, folder, arguments.drawn, quiet, arguments.json)
 
 
 def _on_stand(campaign: Campaign, arguments: argparse.Namespace) -> Campaign:
@@ -179,7 +181,12 @@ def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
 
 
 def _score(
-    campaign: Campaign, results: Iterable[RunResult], folder: Path, drawn: int, *, quiet: bool
+    campaign: Campaign,
+    results: Iterable[RunResult],
+    folder: Path,
+    drawn: int,
+    quiet: bool,
+    told: str | None = None,
 ) -> int:
     from flea_diag.tools.score.summary import summarise, tables
 
@@ -187,6 +194,8 @@ def _score(
     summary = summarise(campaign, known)
     write_json(str(folder / SUMMARY_FILE), summary)
     _report(campaign, known, summary, folder, drawn)
+    if told:
+        write_json(told, summary)
     if not quiet:
         say(tables(summary))
         say(f"results in {folder}, report in {folder / REPORT_FILE}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flea_diag.tools.argument import count, positive, share
+from flea_diag.tools.argument import add_json, count, positive, share
 from flea_diag.tools.planned_runs import add_option
 from flea_diag.tools.stand_option import add_stand
 
@@ -95,9 +95,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--classifier", type=Path, metavar="FILE", help="compare with this classifier"
     )
-    parser.add_argument(
-        "--json", type=Path, metavar="OUT", help="write one row per run, after each run"
-    )
+    add_json(parser, "one row per run, after each run,")
     add_option(parser)
     parser.add_argument("--draw", type=Path, metavar="OUT", help="plot accuracy against fault size")
 

@@ -77,7 +77,7 @@ def write_study(path: Path, runs: Sequence[Study]) -> None:
     """
     judged = {name: right for name, (_, right) in WAYS.items()}
     rows = [{**asdict(run), "right": {n: r(run) for n, r in judged.items()}} for run in runs]
-    write_json(str(path), stamped("feature study", {"runs": rows}))
+    write_json(path, stamped("feature study", {"runs": rows}))
 
 
 def draw_study(path: Path, runs: Sequence[Study]) -> None:

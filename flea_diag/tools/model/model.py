@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.model import views as model_views
 from flea_diag.tools.stand_option import add_stand
-from flea_diag.tools.terminal import say
+from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--from", metavar="CHANNEL+/-", help="hypotheses for this deviation (tcg)")
     add("--complete", action="store_true", help="with --from: include hypotheses by slower paths")
-    add("--json", action="store_true", help="print one JSON object")
+    add_json(parser, "the view")
     add("--dot", action="store_true", help="print the graph as DOT text (show, tcg)")
     add("--svg", type=Path, metavar="OUT", help="draw the graph as SVG by Graphviz (show, tcg)")
 
@@ -84,7 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
         _picture(model, arguments)
     if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):
         content, lines = model_views.VIEWS[arguments.view](model, arguments)
-        say(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
+        if arguments.json:
+            write_json(arguments.json, content)
+        if arguments.json != "-":
+            say("\n".join(lines))
     # Shown for inspection, but without causality there is nothing to compute.
     require_sound(model.graph, model.causality)
     return 0

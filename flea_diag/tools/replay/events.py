@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from flea_diag.errors import RecordingError
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
-from flea_diag.tools.terminal import say
+from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
     from flea_diag.wire.blocks import Block
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_stand(parser)
     add_calibration(parser, ANEW)
+    add_json(parser, "the events")
 
 
 class Event(NamedTuple):
@@ -59,7 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
     kinds = Detection, AmbiguityGroup, Remark
     found = list(events(diagnosis(source, given_stand(arguments), kinds)))
     write(target, found)
-    say(f"{target}: {len(found)} events")
+    if arguments.json:
+        write_json(arguments.json, [event._asdict() for event in found])
+    if arguments.json != "-":
+        say(f"{target}: {len(found)} events")
     return 0
 
 

@@ -51,9 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_calibration(parser)
     parser.add_argument(
         "--json",
+        nargs="?",
+        const="-",
         metavar="OUT",
-        help="JSON file, - for standard output, or a folder for one file per bag; several bags in "
-        "list",
+        help="the summaries as JSON: on standard output, to the file OUT (several bags as a list), "
+        "or one file per bag to the folder OUT",
     )
     parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
     add_jobs(parser)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import FleaError
 from flea_diag.formats import stamped
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
 
@@ -48,9 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stand(parser)
     add_calibration(parser, ANEW)
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line per estimate")
-    parser.add_argument(
-        "--json", metavar="OUT", help="write estimates and trends as JSON; - for standard output"
-    )
+    add_json(parser, "estimates and trends")
 
 
 @dataclass(frozen=True)

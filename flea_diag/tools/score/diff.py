@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.formats import stamped
+from flea_diag.tools.argument import add_json
 
 if TYPE_CHECKING:
     from flea_diag.tools.score.decision import Decision
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = "folder of flea evaluate, or JSON file of flea replay"
     parser.add_argument("a", type=Path, metavar="A", help=what)
     parser.add_argument("b", type=Path, metavar="B", help="the same, later")
-    parser.add_argument("--json", metavar="OUT", help="write the changes to OUT (- for stdout)")
+    add_json(parser, "the changes")
     parser.add_argument("-q", "--quiet", action="store_true", help="exit status only")
 
 

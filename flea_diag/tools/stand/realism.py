@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea realism``."""
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.data", help="FLEA recordings")
     parser.add_argument("--seed", type=int, default=1, help="seed of the simulated units (1)")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write all numbers as JSON")
+    add_json(parser, "all numbers")
     parser.add_argument(
         "--plots",
         type=Path,
@@ -88,7 +89,7 @@ def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
         "summaries": [_finite(asdict(row)) for row in table],
         "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
     }
-    write_json(str(path), stamped("realism report", content))
+    write_json(path, stamped("realism report", content))
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

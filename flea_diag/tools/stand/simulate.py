@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.terminal import say
+from flea_diag.tools.argument import add_json
+from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
     from flea_diag.wire.records import Truth
@@ -55,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--list", action="store_true", help="list the installed scenarios and all faults"
     )
+    add_json(parser, "the run and its truth")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -76,7 +78,20 @@ def run(arguments: argparse.Namespace) -> int:
         f"{scenario.run.seed}, {faults}; {scenario.run.duration_s / took:.0f} times real time",
         file=sys.stderr,
     )
+    if arguments.json:
+        write_json(arguments.json, _told(scenario, arguments.output, truths))
     return 0
+
+
+def _told(scenario: Scenario, bag: Path, truths: tuple[Truth, ...]) -> dict[str, Any]:
+    """The run as plain values."""
+    return {
+        "bag": str(bag),
+        "scenario": scenario.run.name,
+        "seed": scenario.run.seed,
+        "duration_s": scenario.run.duration_s,
+        "truth": [{"fault": t.fault, "onset_ns": t.onset_ns, **dict(t.details)} for t in truths],
+    }
 
 
 def configured(arguments: argparse.Namespace) -> Scenario:

@@ -14,6 +14,7 @@ from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, say, warn, write_json
 
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check", action="store_true", help="end with status 1 if anything had to be compiled"
     )
-    parser.add_argument("--json", metavar="FILE", help="write the result as JSON; - for stdout")
+    add_json(parser, "the result")
     add_stand(parser)
     add_calibration(parser)
 

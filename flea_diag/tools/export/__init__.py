@@ -1,0 +1,1 @@
+"""``flea export``: recordings and diagnoses in the formats of other programs."""

@@ -1,0 +1,48 @@
+"""A whole diagnosis as a bag: what the nodes would have published, beside what the stand sent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flea_diag.api.recording import SENT, Recording
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import Stand
+from flea_diag.tools.replay.replay import diagnosed
+from flea_diag.wire.bags.bag import BagWriter
+from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+from flea_diag.wire.records import AmbiguityGroup, Record, VibrationBlock
+
+
+def save_diagnosis(recording: Recording, stand: Any, target: Path) -> int:
+    """Write a recording with the records of its diagnosis to a new bag; number of records.
+
+    Each verdict is followed by its hypotheses, as the nodes publish both. Vibration is left out.
+
+    Raises
+    ------
+    RecordingError
+        The folder exists or cannot be written.
+    FleaError
+        The stand or its calibration is refused.
+    """
+    assert isinstance(stand, Stand)
+    count, log_ns = 0, 0
+    with BagWriter(target, stand=stand.name, whole_every_s=None) as bag:
+        for record in diagnosed(recording.records(SENT), make_pipeline(stand)):
+            for each in _single(record):
+                log_ns = max(log_ns, each.stamp_ns)
+                bag.write(each, log_ns)
+                count += 1
+    return count
+
+
+def _single(record: Any) -> tuple[Record, ...]:
+    """Records as the topics have them, one by one."""
+    if isinstance(record, ScanBlock | ResidualBlock):
+        return tuple(record.records())
+    if isinstance(record, VibrationBlock):
+        return ()
+    if isinstance(record, AmbiguityGroup):
+        return record, record.hypotheses()
+    return (record,)

@@ -1,0 +1,65 @@
+"""Scenario files of the diagnosis competitions (DXC): sensors and injected faults over time.
+
+One message a line, times in whole milliseconds from the first scan, as the synthetic track of
+the competitions writes them: ``sensors @0 { a = 1.0, b = 2.0 };`` and
+``faultInjection @5000 isInjection = true, fault = { jam = faulty }, parameters = { size = 0.4 };``
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flea_diag.tools.terminal import write_text
+from flea_diag.wire.records import NEVER_NS, Truth
+
+if TYPE_CHECKING:
+    from flea_diag.api.recording import Recording
+    from flea_diag.api.table import Table
+
+NOMINAL = ("", "nominal")
+
+Line = tuple[int, str]
+
+
+def save_scenario(recording: Recording, target: Path) -> None:
+    """Write a recording with its truth as a scenario.
+
+    Raises
+    ------
+    RecordingError
+        There is no scan in it.
+    ConfigurationError
+        The file cannot be written.
+    """
+    table = recording.table
+    faults = sorted(_faults(recording.truth, int(table.attrs["start_ns"])))
+    lines = heapq.merge(faults, _sensors(table), key=lambda line: line[0])
+    write_text(target, "".join(f"{text}\n" for _, text in lines))
+
+
+def _sensors(table: Table) -> Iterator[Line]:
+    names = [name for name in table if name != table.index]
+    rows = zip(*(table[name].tolist() for name in names), strict=True)
+    for time_s, row in zip(table[table.index].tolist(), rows, strict=True):
+        read = zip(names, row, strict=True)
+        known = ", ".join(f"{name} = {value!r}" for name, value in read if math.isfinite(value))
+        at_ms = round(1e3 * time_s)
+        yield at_ms, f"sensors @{at_ms} {{ {known} }};"
+
+
+def _faults(truths: tuple[Truth, ...], start_ns: int) -> Iterator[Line]:
+    for truth in truths:
+        if truth.fault in NOMINAL or truth.onset_ns == NEVER_NS:
+            continue
+        at_ms = round((truth.onset_ns - start_ns) / 1e6)
+        size = dict(truth.details).get("size")
+        said = f" size = {size} " if size is not None else ""
+        yield (
+            at_ms,
+            f"faultInjection @{at_ms} isInjection = true, fault = {{ {truth.fault} = faulty }}, "
+            f"parameters = {{{said}}};",
+        )
