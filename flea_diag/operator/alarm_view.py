@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from flea_diag.operator.alarm import Alarm, Key, Member
-from flea_diag.operator.panel import Line, Panel, clock, number, share
+from flea_diag.operator.panel import NS, Line, Panel, clock, share
+from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.verdict_view import in_short
 from flea_diag.wire.records import NEVER_NS, OUTCOME_LEVEL, Level
 
 MOST_SHOWN = 12
@@ -27,14 +29,14 @@ def cause(alarm: Alarm) -> str:
     """Value, limit and test that opened the episode."""
     if not alarm.residual:
         return alarm.opened_by or "detection not received"
-    return f"{alarm.residual}: z = {number(alarm.value)}, limit {number(alarm.limit)}, {alarm.test}"
+    return f"{alarm.residual}: {statistic(alarm.residual, alarm.value, alarm.limit)}, {alarm.test}"
 
 
 def meaning(alarm: Alarm) -> str:
     """The latest verdict as published."""
     if not alarm.words:
         return "no verdict yet"
-    return f"{alarm.outcome.value}: {alarm.words}"
+    return f"{alarm.outcome.value}: {in_short(alarm)}"
 
 
 def member_text(member: Member) -> str:
@@ -44,7 +46,24 @@ def member_text(member: Member) -> str:
     return f"{member.fault} {share(member.probability).strip()}{size}"
 
 
-def detail(alarm: Alarm) -> Panel:
+def lifetime(alarm: Alarm, open_key: Key | None) -> str:
+    """Whether the alarm is active, or when it returned to normal and after how long."""
+    if alarm.closed_ns != NEVER_NS:
+        lasted_s = (alarm.closed_ns - alarm.detected_ns) / NS
+        return f"returned {clock(alarm.closed_ns)[:-2]} after {duration(lasted_s)}"
+    return "active" if alarm.key == open_key else "end not observed"
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or hours, minutes and seconds."""
+    if seconds < 60.0:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def detail(alarm: Alarm, open_key: Key | None = None) -> Panel:
     """All stored information on one alarm."""
     lines = [Line(f"verdict  {meaning(alarm)}", _level(alarm))]
     if alarm.verdict_ns != NEVER_NS:
@@ -57,8 +76,7 @@ def detail(alarm: Alarm) -> Panel:
         )
         for row in alarm.deviations
     ]
-    if alarm.closed_ns != NEVER_NS:
-        lines.append(Line(f"ended    {clock(alarm.closed_ns)} UTC"))
+    lines.append(Line(f"episode  {lifetime(alarm, open_key)}"))
     lines.append(Line(f"standing {_standing(alarm)}"))
     lines += [Line(f"comment  {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
     title = f"ALARM  {clock(alarm.detected_ns)} UTC  {cause(alarm)}"
@@ -75,7 +93,7 @@ def alarms(state: OperatorState) -> Panel | None:
     title = f"EPISODES  {len(state.alarms)} kept, {len(standing)} not acknowledged"
     lines: list[Line] = []
     for alarm in reversed(shown):
-        text = f"{_flag(alarm)} {alarm_text(alarm)}"
+        text = f"{_flag(alarm)} {alarm_text(alarm)}  {lifetime(alarm, state.open_key)}"
         lines.append(Line(text, _level(alarm), key_text(alarm.key)))
         lines += [Line(f"    {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
     return Panel("episodes", title, tuple(lines))

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 
-from flea_diag.operator.panel import Line, Panel, bar, clock, number
-from flea_diag.operator.state import OperatorState
+from flea_diag.operator.panel import Line, Panel, bar, clock
+from flea_diag.operator.quantity import SIGMA, decimals, number, statistic, unit_of
+from flea_diag.operator.state import OperatorState, SymbolChange
 from flea_diag.wire.records import FeatureValue, Level, Symbol
 
 
 def residuals(state: OperatorState) -> Panel | None:
-    """Each residual relative to its limit, the largest first."""
+    """Each residual relative to its limit: those that deviate in the open episode, then the rest.
+
+    The order is that of the record within both, so that no line moves while it is read.
+    """
     record = state.residual
     if record is None:
         return None
-    rows = list(zip(record.names, record.values, record.z, record.thresholds, strict=True))
-    rows.sort(key=lambda row: -_share(row[2], row[3]))
-    formed = sum(not math.isnan(z) for _, _, z, _ in rows)
+    rows = list(zip(record.names, record.z, record.thresholds, strict=True))
+    deviating = {entry.symbol.residual for entry in _of_episode(state)}
+    rows.sort(key=lambda row: row[0] not in deviating)
+    formed = sum(not math.isnan(z) for _, z, _ in rows)
     at = clock(record.stamp_ns)
-    title = f"RESIDUALS in sigma of limit, {formed} of {len(rows)} formed, {at} UTC"
-    return Panel("residuals", title, tuple(_residual(name, z, limit) for name, _, z, limit in rows))
+    title = f"RESIDUALS beside their limits, {formed} of {len(rows)} formed, {at} UTC"
+    return Panel("residuals", title, tuple(_residual(*row) for row in rows))
 
 
 def _share(z: float, limit: float) -> float:
@@ -31,9 +36,11 @@ def _residual(name: str, z: float, limit: float) -> Line:
     if math.isnan(z):
         return Line(f"{name:32} {bar(math.nan)}  not formed")
     if _share(z, limit) < 0.0:
-        return Line(f"{name:32} {bar(math.nan)}  {z:+.2f}, no limit")
+        return Line(f"{name:32} {bar(math.nan)}  {decimals(z)}, no limit")
     beyond = abs(z) > limit
-    text = f"{name:32} {bar(abs(z) / limit)}| {z:+.2f} of {limit:.2f}"
+    unit = unit_of(name, limit)
+    told = f"{z:+.2f} {SIGMA} of {limit:.2f}" if unit == SIGMA else statistic(name, z, limit)
+    text = f"{name:32} {bar(abs(z) / limit)}| {told}"
     return Line(text + (" BEYOND" if beyond else ""), Level.WARN if beyond else None)
 
 
@@ -43,15 +50,26 @@ def symbols(state: OperatorState) -> Panel | None:
     if flag is None or not flag.detected:
         return None
     past: dict[str, list[Symbol]] = {}
-    for change in state.symbols:
-        if change.episode == flag.episode and change.stamp_ns >= flag.stamp_ns:
-            past.setdefault(change.symbol.residual, []).append(change.symbol)
+    for change in _of_episode(state):
+        past.setdefault(change.symbol.residual, []).append(change.symbol)
     lines = tuple(_symbol(residual, rows) for residual, rows in past.items())
     first = (
-        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: z {number(flag.z)}, "
-        f"limit {number(flag.threshold)} ({flag.test})"
+        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: "
+        f"{statistic(flag.residual, flag.z, flag.threshold)} ({flag.test})"
     )
     return Panel("symbols", first, lines)
+
+
+def _of_episode(state: OperatorState) -> list[SymbolChange]:
+    """Changes of symbols of the open episode."""
+    flag = state.detection
+    if flag is None or not flag.detected:
+        return []
+    return [
+        change
+        for change in state.symbols
+        if change.episode == flag.episode and change.stamp_ns >= flag.stamp_ns
+    ]
 
 
 def _symbol(residual: str, rows: list[Symbol]) -> Line:

@@ -1,4 +1,4 @@
-"""Text panels with a level per line, and the formatting of numbers, times and bars.
+"""Text panels with a level per line, and the formatting of times, shares and bars.
 
 Independent of the output: terminal, pipe and page render the same panels.
 """
@@ -58,14 +58,6 @@ def share(probability: float) -> str:
     if 0.99 < probability < 1.0:
         return " >99%"
     return f"{probability:5.0%}"
-
-
-def number(value: float, unit: str = "", sigma: float = math.nan) -> str:
-    """A value with its unit and standard error; unknown values are marked."""
-    if math.isnan(value):
-        return "unknown"
-    spread = "" if math.isnan(sigma) else f" ± {sigma:.2g}"
-    return f"{value:.4g}{spread} {unit}".rstrip()
 
 
 def bar(fraction: float, cells: int = BAR_CELLS) -> str:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.stream import StreamState
-from flea_diag.wire.records import Health, Level, Quality
+from flea_diag.wire.records import ChannelQuality, Health, Level, Quality, Scan
 from flea_diag.wire.wording import QUALITY_LEVEL
 
 COMPONENT = ": "
 """Marks the names of statuses that repeat the stand's state, which has panels of its own."""
+OLD_S = 3600.0
 STREAM_LEVEL = {"running": None, "waiting": None, "stale": Level.STALE}
 
 
 def streams(state: OperatorState, now_ns: int) -> Panel:
     """Rate and errors of each continuous topic."""
-    rows = tuple(_stream(stream, now_ns) for stream in state.streams.values())
+    rows = tuple(
+        _stream(replace(stream, lost=stream_losses(state, stream)), now_ns)
+        for stream in state.streams.values()
+    )
     return Panel("streams", "STREAMS", rows)
 
 
@@ -34,12 +39,44 @@ def _stream(stream: StreamState, now_ns: int) -> Line:
     return Line(f"{stream.name:16} {shown:9} {stream.received} received, {told}", worse)
 
 
-def channels(state: OperatorState) -> Panel | None:
+def quality_rows(state: OperatorState, now_ns: int) -> tuple[ChannelQuality, ...]:
+    """Quality of each channel and stream as of now: stale where no scans arrive any more.
+
+    The diagnosis tells changes alone; whoever has died tells none.
+    """
+    if state.quality is None:
+        return ()
+    rows, scans = state.quality.channels, state.stream(Scan)
+    if scans.standing(now_ns) != "stale":
+        return rows
+    silent_s = scans.silent_s(now_ns)
+    why = f"no scan for {silent_s:.0f} s" if silent_s < OLD_S else "no scan arrives"
+    return tuple(
+        replace(row, quality=Quality.STALE, since_ns=scans.stamp_ns, reason=_joined(why, row))
+        if row.quality in (Quality.GOOD, Quality.STALE)
+        else replace(row, reason=_joined(why, row))
+        for row in rows
+    )
+
+
+def _joined(why: str, row: ChannelQuality) -> str:
+    return f"{why}; before: {row.reason}" if row.reason else why
+
+
+def stream_losses(state: OperatorState, stream: StreamState) -> int:
+    """Records that the diagnosis lacks, as it counts them, or this screen where it does not."""
+    rows = state.quality.channels if state.quality is not None else ()
+    told = (dict(row.counters).get("lost", 0) for row in rows if row.channel == stream.name)
+    return max((stream.lost, *told))
+
+
+def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
     """Channels that are not good, with the time and the reason."""
     if state.quality is None:
         return None
-    bad = [row for row in state.quality.channels if row.quality != Quality.GOOD]
-    good = len(state.quality.channels) - len(bad)
+    rows = quality_rows(state, now_ns)
+    bad = [row for row in rows if row.quality != Quality.GOOD]
+    good = len(rows) - len(bad)
     lines = tuple(
         Line(
             f"{row.channel:28} {row.quality.value} since {clock(row.since_ns)}: {row.reason}",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flea_diag.operator import alarm as alarms_of
-from flea_diag.operator.alarm import Alarm, Comment
+from flea_diag.operator.alarm import Alarm, Comment, Key
 from flea_diag.operator.stream import (
     StreamState,
     counted,
@@ -116,6 +116,14 @@ class OperatorState:
         """Counters of the topic of a record type."""
         return self.streams[TOPIC_OF[record_type].name.lstrip("/")]
 
+    @property
+    def open_key(self) -> Key | None:
+        """Alarm of the episode that is open now."""
+        group = self.group
+        if group is None or group.detected_stamp_ns == NEVER_NS:
+            return None
+        return group.source, group.detected_stamp_ns
+
     def silent(self, record_type: type, now_ns: int) -> bool:
         """Whether a stream that was running has stopped."""
         return self.stream(record_type).standing(now_ns) == "stale"
@@ -199,10 +207,10 @@ def _with_group(state: OperatorState, group: AmbiguityGroup, _: int) -> Operator
     before = state.group
     group = group.with_hypotheses(state.hypotheses)
     state = replace(state, group=group)
+    if before is not None and before.detected_stamp_ns not in (NEVER_NS, group.detected_stamp_ns):
+        state = _closed(state, before, group.stamp_ns)
     if group.detected_stamp_ns != NEVER_NS:
         state = _with_alarm(state, _alarm_of(state, group))
-    elif before is not None and before.detected_stamp_ns != NEVER_NS:
-        state = _closed(state, before, group.stamp_ns)
     return _with_step(state, group)
 
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 
-from flea_diag.operator.panel import Line, Panel, clock, number, share
+from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.panel import Line, Panel, clock, share
+from flea_diag.operator.quantity import number
 from flea_diag.operator.state import OPEN, GroupStep, OperatorState
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -20,11 +22,34 @@ from flea_diag.wire.records import (
 
 MOST_STEPS_SHOWN = 12
 MOST_NAMES = 3
+MOST_LISTED = 6
+"""Longest list of faults that a sentence holds; of a longer one the first few are named."""
 
 
 def line(state: OperatorState, now_ns: int) -> str:
-    """The verdict in one line, for a pipe or a log; it changes only with the verdict."""
+    """The verdict in one line, for a pipe or a log."""
     return heading(state, now_ns) + said(state, now_ns)
+
+
+def change(state: OperatorState, now_ns: int) -> object:
+    """What a new line is for: another order of the same faults is no change."""
+    group = state.group
+    if group is None:
+        return None
+    faults = tuple(candidate.fault for candidate in group.members)
+    words = group.words.replace(", ".join(faults), "") if faults else group.words
+    silent = state.silent(AmbiguityGroup, now_ns)
+    return group.outcome, frozenset(faults), words, level_of(group), silent, group.source
+
+
+def in_short(said: AmbiguityGroup | Alarm) -> str:
+    """Words of a verdict; of many faults in a row the first few, and how many more."""
+    faults = [member.fault for member in said.members]
+    listed = ", ".join(faults)
+    if len(faults) <= MOST_LISTED or listed not in said.words:
+        return said.words
+    rest = f"{', '.join(faults[:MOST_NAMES])} and {len(faults) - MOST_NAMES} more"
+    return said.words.replace(listed, rest)
 
 
 def heading(state: OperatorState, now_ns: int) -> str:
@@ -41,8 +66,8 @@ def said(state: OperatorState, now_ns: int) -> str:
     if group is None:
         return "no verdict yet"
     if state.silent(AmbiguityGroup, now_ns):
-        return "NO VERDICT: the isolator has stopped publishing"
-    return f"{group.outcome.value}{_named(group)}: {group.words}"
+        return "NO VERDICT: the diagnosis has stopped publishing"
+    return f"{group.outcome.value}{_named(group)}: {in_short(group)}"
 
 
 def level_of(group: AmbiguityGroup) -> Level:
@@ -55,10 +80,11 @@ def _named(group: AmbiguityGroup) -> str:
     faults = [candidate.fault for candidate in group.members]
     if not faults:
         return ""
-    told = all(fault in group.words for fault in faults)
-    return (
-        f" ({len(faults)} possible)" if told else f" ({len(faults)} possible: {', '.join(faults)})"
-    )
+    if all(fault in group.words for fault in faults):
+        return f" ({len(faults)} possible)"
+    more = f" and {len(faults) - MOST_NAMES} more" if len(faults) > MOST_LISTED else ""
+    shown = faults[:MOST_NAMES] if more else faults
+    return f" ({len(faults)} possible: {', '.join(shown)}{more})"
 
 
 def verdict(state: OperatorState, now_ns: int) -> Panel:
@@ -69,7 +95,7 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
             "verdict", "VERDICT  none yet: waiting for ambiguity_group", _stand_says(state)
         )
     level, lines = level_of(group), []
-    title = f"VERDICT  {level.name}  {group.outcome.value}  {group.words}"
+    title = f"VERDICT  {level.name}  {group.outcome.value}  {in_short(group)}"
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
         lines.append(Line(title, level))

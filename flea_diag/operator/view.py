@@ -23,7 +23,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
         evidence_view.features(state),
         evidence_view.residuals(state),
         stand_view.streams(state, now_ns),
-        stand_view.channels(state),
+        stand_view.channels(state, now_ns),
         stand_view.nodes(state),
         alarm_view.marks(state),
         alarm_view.alarms(state),

@@ -6,12 +6,14 @@ import math
 
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
+from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.state import OPEN, OperatorState
-from flea_diag.operator.verdict_view import level_of, likely, standing_of
-from flea_diag.web.markup import Markup, clock, joined, number, tag
+from flea_diag.operator.verdict_view import in_short, level_of, likely, standing_of
+from flea_diag.web.markup import Markup, clock, joined, moment, tag
 from flea_diag.web.panels import CLASS, SHAPE
 from flea_diag.wire.records import (
     NEVER_NS,
+    TAKEN_OVER,
     AmbiguityGroup,
     Candidate,
     Detection,
@@ -20,11 +22,10 @@ from flea_diag.wire.records import (
     Residual,
     Scan,
 )
-from flea_diag.wire.wording import words_of
 
 MOST_MEMBERS = 6
-SILENT = "NO VERDICT: the isolator has stopped publishing; this is its last verdict."
-SILENT_ADVICE = "Check the isolator node."
+SILENT = "NO VERDICT: the diagnosis has stopped publishing; this is its last verdict."
+SILENT_ADVICE = "Check the nodes of the diagnosis: “Streams and nodes” names those that run."
 MUTE = "(bell muted until the first click or key on this page)"
 LONG = 140
 """Verdicts longer than this are set in a smaller size."""
@@ -53,12 +54,12 @@ def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
         return "waiting", "… WAITING for the first verdict"
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
-        return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the isolator has stopped"
+        return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the diagnosis has stopped"
     if group.stale or state.silent(Scan, now_ns):
         return "stale", "‖ STALE: no data from the stand"
     if state.silent(Residual, now_ns):
         silent_s = state.stream(Residual).silent_s(now_ns)
-        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s: the observer has stopped"
+        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s"
     if group.source == REPLAY:
         return "replay", "↻ REPLAY, not the live stand"
     return "live", "● LIVE"
@@ -72,9 +73,9 @@ def chips(state: OperatorState, now_ns: int) -> Markup:
     stamp_ns = max((s.stamp_ns for s in (state.scan, state.group) if s is not None), default=-1)
     return tag(
         "div",
-        tag("span", words, class_=f"chip {kind}", role="status"),
+        tag("span", words, class_=f"chip {kind}"),
         tag("span", "↻ REPLAY", class_="chip replay") if replay else None,
-        tag("span", f"{clock(stamp_ns, 0)} UTC", class_="soft"),
+        moment(stamp_ns, 0, class_="soft both"),
         tag("span", f"▲ {ringing} not acknowledged", class_="state warn") if ringing else None,
         tag("span", MUTE, class_="soft mute-note") if ringing else None,
         class_="chips",
@@ -96,6 +97,13 @@ def fresh_detection(state: OperatorState) -> Detection | None:
     return None if taken_up else flag
 
 
+def found_by(flag: Detection) -> str:
+    """Residual, value, limit and test of a detection."""
+    if flag.test == TAKEN_OVER:
+        return "An episode is resumed that was open before."
+    return f"{flag.residual}: {statistic(flag.residual, flag.z, flag.threshold)}, {flag.test}"
+
+
 def answer(state: OperatorState, now_ns: int) -> Markup:
     """Main panel at the top of the page."""
     flag, group = fresh_detection(state), state.group
@@ -103,7 +111,7 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
         head = _headline(
             Level.WARN, Outcome.DETECTED.value, "fault detected, isolation in progress"
         )
-        proof = tag("p", words_of(flag).message, class_="proof soft")
+        proof = tag("p", found_by(flag), class_="proof soft")
         return _card(Level.WARN, joined(head, proof, _next(NEXT[Outcome.DETECTED])), Markup())
     if group is None:
         head = _headline(Level.STALE, "NO VERDICT YET", "No message on ambiguity_group.")
@@ -111,7 +119,7 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
         return _card(Level.STALE, joined(head, _next(advice)), Markup())
     silent = state.silent(AmbiguityGroup, now_ns)
     level = Level.STALE if silent else level_of(group)
-    head = _headline(level, group.outcome.value, group.words)
+    head = _headline(level, group.outcome.value, in_short(group))
     advice = _next(SILENT_ADVICE if silent else _advice(state, group), _tests(state))
     gone = tag("p", SILENT, class_="proof") if silent else None
     left = joined(head, gone, *_proofs(state, group), advice)
@@ -141,7 +149,10 @@ def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
     if group.stale:
         lines.append("STALE: no data from the stand; last verdict.")
     if group.detected_stamp_ns != NEVER_NS:
-        by = f" by {group.opened_by}" if group.opened_by else ""
+        flag = state.detection
+        ours = flag is not None and flag.stamp_ns == group.detected_stamp_ns and flag.residual
+        opened_by = found_by(flag) if flag is not None and ours else group.opened_by
+        by = f" by {opened_by}" if opened_by else ""
         lines.append(f"Detected at {clock(group.detected_stamp_ns, 2)} UTC{by}.")
         lines.append(
             f"Evidence up to {clock(group.stamp_ns, 2)} UTC; episode {group.episode}, "
@@ -199,10 +210,8 @@ def _members(group: AmbiguityGroup) -> Markup:
 def _member(candidate: Candidate, alone: bool) -> Markup:
     size = ""
     if not math.isnan(candidate.size):
-        known = not math.isnan(candidate.size_sigma)
-        spread = f" ± {number(candidate.size_sigma)}" if known else ""
-        unit = "" if candidate.size_unit in ("", "1") else f" {candidate.size_unit}"
-        size = f"size {number(candidate.size)}{spread}{unit}, "
+        found = number(candidate.size, candidate.size_unit, candidate.size_sigma)
+        size = f"size {found}, "
     why = f"{candidate.hypothesis}: {candidate.reason}" if candidate.reason else ""
     known = 0.0 <= candidate.probability <= 1.0
     width = candidate.probability if known else 0.0

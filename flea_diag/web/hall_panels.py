@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from urllib.parse import quote
 
-from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.hall_view import StandRow, all_alarms, counts, stand_rows
 from flea_diag.operator.state import OperatorState
 from flea_diag.web.answer import MUTE
@@ -27,6 +27,7 @@ class HallView:
         self.drawn: dict[str, str] = {}
         self._rows: tuple[StandRow, ...] | None = None
         self._alarms: list[tuple[Alarm, ...]] | None = None
+        self._open_keys: list[Key | None] = []
 
     def update(self, states: Mapping[str, OperatorState], now_ns: int) -> None:
         """Redraw the panels that have changed."""
@@ -36,8 +37,9 @@ class HallView:
             self.drawn["chips"] = str(chips(rows))
             self.drawn["stands"] = str(stands(rows))
         alarms = [state.alarms for state in states.values()]
-        if not self._is_drawn(alarms):
-            self._alarms = alarms
+        open_keys = [state.open_key for state in states.values()]
+        if open_keys != self._open_keys or not self._is_drawn(alarms):
+            self._alarms, self._open_keys = alarms, open_keys
             self.drawn["journal"] = str(journal(states))
 
     def _is_drawn(self, alarms: list[tuple[Alarm, ...]]) -> bool:
@@ -114,7 +116,10 @@ def journal(states: Mapping[str, OperatorState]) -> Markup:
     if not found:
         return tag("p", "No episode so far.", class_="soft")
     rows = [
-        (tag("a", name, href=address(name), class_="stand"), *episode_row(alarm, name))
+        (
+            tag("a", name, href=address(name), class_="stand"),
+            *episode_row(alarm, states[name].open_key, name),
+        )
         for name, alarm in found
     ]
     return ledger(("stand", *EPISODE_HEADS), rows)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from datetime import datetime, timezone
 
 from markupsafe import Markup, escape
@@ -10,7 +9,7 @@ from markupsafe import Markup, escape
 from flea_diag.errors import visible
 from flea_diag.wire.records import NEVER_NS
 
-__all__ = ["Markup", "clock", "joined", "number", "path", "tag", "text"]
+__all__ = ["Markup", "clock", "joined", "moment", "path", "tag", "text"]
 
 
 def tag(name: str, *children: object, **attributes: object) -> Markup:
@@ -47,11 +46,13 @@ def path(commands: str, class_: str, *children: object) -> Markup:
     return tag("path", *children, d=commands, class_=class_)
 
 
-def number(value: float, unit: str = "") -> str:
-    """Three significant digits and the unit; a dash for no value."""
-    if math.isnan(value):
-        return "–"
-    return f"{value:.3g} {unit if unit != '1' else ''}".rstrip()
+def moment(stamp_ns: int, digits: int = 1, class_: str = "") -> Markup:
+    """Time of day in UTC, to which the browser adds its local time; a dash for none."""
+    words = f"{clock(stamp_ns, digits)} UTC"
+    if stamp_ns == NEVER_NS:
+        return tag("span", words, class_=class_ or None)
+    at = datetime.fromtimestamp(stamp_ns // 1_000_000_000, tz=timezone.utc)
+    return tag("time", words, datetime=f"{at:%Y-%m-%dT%H:%M:%SZ}", class_=class_ or None)
 
 
 def clock(stamp_ns: int, digits: int = 1) -> str:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from flea_diag.operator.alarm import Alarm
-from flea_diag.operator.alarm_view import cause, key_text
+from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.alarm_view import cause, key_text, lifetime
+from flea_diag.operator.quantity import number
+from flea_diag.operator.stand_view import quality_rows, stream_losses
 from flea_diag.operator.state import AskedFeature, OperatorState
-from flea_diag.operator.stream import StreamState
-from flea_diag.web.markup import Markup, clock, joined, number, tag
+from flea_diag.operator.stream import AXIS, StreamState
+from flea_diag.operator.verdict_view import in_short
+from flea_diag.web.markup import Markup, clock, joined, moment, tag
 from flea_diag.wire.records import (
     NEVER_NS,
     OUTCOME_LEVEL,
@@ -25,10 +28,13 @@ from flea_diag.wire.wording import QUALITY_LEVEL
 SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "‖"}
 """Symbol of each level, so that the level can be read without its colour."""
 CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: "stale"}
+NONE = "–"
 TOTAL = "samples"
 """Counter not shown: it is not updated while a channel stays good."""
 MOST_MARKS = 20
-EPISODE_HEADS = ("detected, UTC", "by", "verdict", "remarks", "")
+OVER = "○"
+"""Symbol of an episode that is over."""
+EPISODE_HEADS = ("detected", "by", "verdict", "remarks", "")
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
 
@@ -50,12 +56,13 @@ def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
 # --- the stand --------------------------------------------------------------------------
 
 
-def data_quality(state: OperatorState) -> Markup:
+def data_quality(state: OperatorState, now_ns: int = 0) -> Markup:
     """Every channel with its state, since when and why, and its counters."""
     if state.quality is None:
         return tag("p", "no message on data_quality yet", class_="soft")
-    order = sorted(state.quality.channels, key=lambda row: row.quality is Quality.GOOD)
-    rows = [
+    rows = quality_rows(state, now_ns)
+    order = sorted(rows, key=lambda row: row.quality is Quality.GOOD)
+    cells = [
         (
             row.channel,
             state_word(QUALITY_LEVEL[row.quality], row.quality.value),
@@ -66,12 +73,12 @@ def data_quality(state: OperatorState) -> Markup:
         )
         for row in order
     ]
-    return ledger(("channel", "state", "since, UTC", "reason", "counters"), rows)
+    return ledger(("channel", "state", "since, UTC", "reason", "counters"), cells)
 
 
 def streams(state: OperatorState, now_ns: int) -> Markup:
     """Rate and losses of each stream, and the health of the nodes."""
-    rows = [_stream(stream, now_ns) for stream in state.streams.values()]
+    rows = [_stream(state, stream, now_ns) for stream in state.streams.values()]
     nodes = [_node(health) for _, health in sorted(state.health.items())]
     table = ledger(("topic", "state", "rate", "missing", "late", "lost"), rows)
     if not nodes:
@@ -80,12 +87,12 @@ def streams(state: OperatorState, now_ns: int) -> Markup:
     return joined(table, Markup("<br>"), ledger(heads, nodes))
 
 
-def _stream(stream: StreamState, now_ns: int) -> tuple[object, ...]:
+def _stream(state: OperatorState, stream: StreamState, now_ns: int) -> tuple[object, ...]:
     standing = stream.standing(now_ns)
     level = Level.OK if standing == "running" else Level.STALE
     words = f"stale for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else standing
     rate = "" if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
-    counts = (stream.missing, stream.late, stream.lost)
+    counts = (stream.missing, stream.late, stream_losses(state, stream))
     return (stream.name, state_word(level, words), rate, *counts)
 
 
@@ -128,7 +135,7 @@ def features(state: OperatorState) -> Markup:
     """Features of the open episode: value, nominal range and cost, or why not computable."""
     group = state.group
     if group is None or not group.features_available:
-        return tag("p", "No features: this stand has no accelerometers.", class_="soft")
+        return tag("p", _without_features(state), class_="soft")
     ours = [entry for entry in state.features if entry.episode == group.episode and group.episode]
     seen = {entry.name for entry in ours}
     rows = [_feature(entry) for entry in ours]
@@ -144,13 +151,24 @@ def features(state: OperatorState) -> Markup:
     return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
 
 
+def _without_features(state: OperatorState) -> str:
+    """Why no feature is listed: none is asked for, or nothing could answer."""
+    table = state.channels
+    named = table is not None and any(row.name.startswith(AXIS) for row in table.channels)
+    if state.level is not None or named:
+        return "Vibration arrives; features are requested only while a fault is being isolated."
+    return "No features: this stand has no accelerometers."
+
+
 def _feature(entry: AskedFeature) -> tuple[object, ...]:
     name, value = entry.name, entry.value
     if value is None:
         return (name, "requested, no answer yet", "", "")
     if math.isnan(value.value):
         return (name, f"not computable: {value.reason}", "", "")
-    nominal = f"{number(value.nominal_low)} to {number(value.nominal_high)}"
+    nominal = (
+        f"{number(value.nominal_low, unknown=NONE)} to {number(value.nominal_high, unknown=NONE)}"
+    )
     return (
         name,
         f"{number(value.value, value.unit)}  ({value.symbol})",
@@ -167,7 +185,7 @@ def episodes(state: OperatorState) -> Markup:
     if not state.alarms:
         return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
-    rows = [episode_row(alarm) for alarm in order]
+    rows = [episode_row(alarm, state.open_key) for alarm in order]
     return joined(ledger(EPISODE_HEADS, rows), _marks(state))
 
 
@@ -179,19 +197,25 @@ def _marks(state: OperatorState) -> Markup | None:
     return joined(Markup("<br>"), ledger(("marked, UTC", "by", "text"), rows[:MOST_MARKS]))
 
 
-def episode_row(alarm: Alarm, stand: str = "") -> tuple[object, ...]:
+def episode_row(alarm: Alarm, open_key: Key | None, stand: str = "") -> tuple[object, ...]:
     """Cells of an episode; its buttons name the stand where several are listed."""
-    level = OUTCOME_LEVEL[alarm.outcome]
+    active = alarm.key == open_key and alarm.closed_ns == NEVER_NS
     verdict = joined(
-        state_word(level, alarm.outcome.value),
-        tag("span", alarm.words or "no verdict yet", class_="comment"),
+        state_word(OUTCOME_LEVEL[alarm.outcome], alarm.outcome.value)
+        if active
+        else tag("span", f"{OVER} {alarm.outcome.value}", class_="state over"),
+        tag("span", in_short(alarm) or "no verdict yet", class_="comment"),
     )
     said = [
         tag("span", f"{clock(c.stamp_ns, 0)} {c.author}: {c.text}", class_="comment")
         for c in alarm.comments
     ]
     return (
-        joined(clock(alarm.detected_ns), tag("span", _standing(alarm), class_="comment")),
+        joined(
+            moment(alarm.detected_ns),
+            tag("span", lifetime(alarm, open_key), class_="comment"),
+            tag("span", _standing(alarm), class_="comment"),
+        ),
         cause(alarm),
         verdict,
         joined(*said),
@@ -207,7 +231,7 @@ def _standing(alarm: Alarm) -> str:
 
 
 def _buttons(name: str, standing: bool) -> Markup:
-    said = tag("button", "Comment", type="button", data_act="comment", data_alarm=name)
+    said = tag("button", "Comment", type="button", data_opens="comment", data_alarm=name)
     if not standing:
         return tag("div", said, class_="actions")
     acknowledge = tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)

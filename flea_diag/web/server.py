@@ -37,6 +37,7 @@ class Server:
             inner,
             title=title,
             dark=None,
+            language="en-US",
             tailwind=False,
             binding_refresh_interval=None,
             message_history_length=KEPT_MESSAGES,

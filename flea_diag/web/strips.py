@@ -6,6 +6,7 @@ range, so that no peak is lost and a browser receives a tenth of the numbers.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.operator.quantity import unit_of
 from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, VibrationLevel
 
 Array = npt.NDArray[np.float64]
@@ -98,6 +100,7 @@ class StripCharts:
     def __init__(self) -> None:
         self.generation = 0
         self._units: dict[str, str] = {}
+        self._limits: dict[str, float] = {}
         self._strips: dict[str, Strip] = {}
         self._estimated: dict[str, tuple[float, float]] = {}
 
@@ -113,6 +116,8 @@ class StripCharts:
         elif isinstance(record, Residual):
             rows = zip(record.estimated, record.estimates, record.estimate_sigmas, strict=True)
             self._estimated = {name: (value, sigma) for name, value, sigma in rows}
+            if set(self._limits) != set(record.names):
+                self._limits = dict(zip(record.names, record.thresholds, strict=True))
             self._add("residual", record.stamp_ns, record.names, record.z, record.thresholds)
         elif isinstance(record, VibrationLevel):
             names = (*record.axes, *(axis + " kurtosis" for axis in record.axes if record.kurtosis))
@@ -152,7 +157,9 @@ class StripCharts:
         return charts
 
     def _unit(self, kind: str, name: str) -> str:
-        return "σ" if kind == "residual" else self._units.get(name, "")
+        if kind != "residual":
+            return self._units.get(name, "")
+        return unit_of(name, self._limits.get(name, math.nan))
 
     def after(self, kind: str, stretch: int) -> list[Row]:
         """Rows of one kind that are newer than ``stretch``."""

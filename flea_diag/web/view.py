@@ -15,7 +15,7 @@ from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.panels import data_quality, dropped, episodes, features, streams
 from flea_diag.web.symbol_matrix import symbol_matrix
 from flea_diag.web.tree_view import diagnosis_tree
-from flea_diag.wire.records import NEVER_NS, AmbiguityGroup
+from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Scan
 
 MOST_IN_TREE = 8
 """Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
@@ -118,7 +118,7 @@ def _episodes(shown: Shown, _: Tools) -> Markup:
 
 
 def _quality(shown: Shown, _: Tools) -> Markup:
-    return data_quality(shown.state)
+    return data_quality(shown.state, shown.now_ns)
 
 
 def _streams(shown: Shown, _: Tools) -> Markup:
@@ -127,6 +127,11 @@ def _streams(shown: Shown, _: Tools) -> Markup:
 
 def _second(shown: Shown) -> object:
     return shown.now_ns // 1_000_000_000
+
+
+def _quality_now(shown: Shown) -> object:
+    silent = shown.state.silent(Scan, shown.now_ns)
+    return shown.state.quality, _second(shown) if silent else 0
 
 
 def _episode(shown: Shown) -> object:
@@ -139,11 +144,12 @@ def _episode_and_names(shown: Shown) -> object:
 
 
 def _episode_and_features(shown: Shown) -> object:
-    return _episode(shown), shown.state.features
+    state = shown.state
+    return _episode(shown), state.features, state.channels, state.level is not None
 
 
 def _said_by_people(shown: Shown) -> object:
-    return shown.state.alarms, shown.state.marks
+    return shown.state.alarms, shown.state.marks, shown.state.open_key
 
 
 PANELS = (
@@ -153,7 +159,7 @@ PANELS = (
     PagePanel("causes", "Temporal causal graph", "scroll", _paths, _episode),
     PagePanel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
     PagePanel("episodes", "Episodes", "half scroll", _episodes, _said_by_people),
-    PagePanel("quality", "Data quality", "half scroll", _quality, lambda s: s.state.quality),
+    PagePanel("quality", "Data quality", "half scroll", _quality, _quality_now),
     PagePanel("streams", "Streams and nodes", "half scroll", _streams, _second),
 )
 

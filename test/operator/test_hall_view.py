@@ -49,4 +49,4 @@ def test_each_line_says_the_verdict_or_why_there_is_none() -> None:
 def test_a_diagnosis_that_is_gone_is_silent() -> None:
     (row,) = stand_rows({"gone": shown(LAST)}, LAST.stamp_ns + 60 * 10**9)
     assert row.level is Level.STALE
-    assert "the isolator has stopped publishing" in row.text
+    assert "the diagnosis has stopped publishing" in row.text

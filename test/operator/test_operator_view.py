@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from flea_diag.operator.alarm_view import alarm_text, detail
 from flea_diag.operator.panel import bar, share
 from flea_diag.operator.state import OPEN, OperatorState, fold
+from flea_diag.operator.verdict_view import change, why
 from flea_diag.operator.verdict_view import line as verdict_line
-from flea_diag.operator.verdict_view import why
 from flea_diag.operator.view import page
 from flea_diag.operator.view import view as panels
 from flea_diag.wire.messages.summary import summary
@@ -91,7 +91,7 @@ def test_the_verdict_its_members_and_why() -> None:
     assert "episode 2, step 3, number 17, evidence up to 22:13:21.250 UTC, live" in text
     assert "detected at 22:13:20.500 UTC" in text
     assert "POSSIBLE (2)" in text
-    assert "75%  mechanical_friction+  size 1.5 ± 0.1 N" in text
+    assert "75%  mechanical_friction+  size 1.50 ± 0.10 N" in text
     assert "current high while slow" in text
     assert "RULED OUT (1)" in text
     assert "current is too high: winding_short" in text
@@ -120,6 +120,21 @@ def test_one_line_a_change() -> None:
     assert line(shown(named)).endswith("INDISTINGUISHABLE (2 possible): " + named.words)
     assert line(shown(GROUP, replace(GROUP, seq=18))) == first
     assert line(shown(GROUP, replace(GROUP, step=4, members=GROUP.members[:1]))) != first
+
+
+def test_another_order_is_no_change_and_a_long_list_is_shortened() -> None:
+    names = [f"fault_{k}" for k in range(9)]
+
+    def told(order: list[str]) -> OperatorState:
+        members = tuple(Candidate(name, "h+", 0.1, "fits") for name in order)
+        return shown(replace(GROUP, members=members, words=f"one of: {', '.join(order)} (single)"))
+
+    first, other = told(names), told(names[::-1])
+    assert change(first, 0) == change(other, 0) != change(told(names[1:]), 0)
+    assert line(first).endswith(
+        "(9 possible): one of: fault_0, fault_1, fault_2 and 6 more (single)"
+    )
+    assert "fault_8" in view(first)  # each is listed below the verdict
 
 
 def test_stale_is_stale_and_not_an_error() -> None:
@@ -169,11 +184,34 @@ def test_residuals_against_their_limits_and_those_not_formed() -> None:
     nan = float("nan")
     record = Residual(NOON_NS, ("a", "b", "c"), (0.0, 1.0, nan), (1.0, -6.0, nan), (4.0, 5.0, 5.0))
     (panel,) = [p for p in panels(shown(record), 0) if p.name == "residuals"]
-    assert panel.title == "RESIDUALS in sigma of limit, 2 of 3 formed, 22:13:20.000 UTC"
-    assert [text.text.split()[0] for text in panel.lines] == ["b", "a", "c"]
-    assert panel.lines[0].text.endswith("| -6.00 of 5.00 BEYOND")
-    assert "BEYOND" not in panel.lines[1].text
+    assert panel.title == "RESIDUALS beside their limits, 2 of 3 formed, 22:13:20.000 UTC"
+    assert [text.text.split()[0] for text in panel.lines] == ["a", "b", "c"]
+    assert panel.lines[1].text.endswith("| -6.00 σ of 5.00 BEYOND")
+    assert "BEYOND" not in panel.lines[0].text
     assert panel.lines[2].text.endswith("not formed")
+
+
+def test_the_list_of_residuals_stands_still_and_begins_with_those_that_deviate() -> None:
+    values = (0.0, 0.0, 0.0, 0.0)
+    record = Residual(
+        NOON_NS,
+        ("a", "b_stuck", "c", "d"),
+        values,
+        (1.0, 51.0, 4.7e-16, 0.5),
+        (4.0, 50.0, 5.0, 1.0),
+    )
+    later = replace(record, stamp_ns=NOON_NS + 1, z=(3.9, 0.0, 5.1, 0.99))
+    flag = Detection(NOON_NS, 1, True, "c", 6.0, 5.0, "mean of 50 samples")
+    symbol = Symbols(NOON_NS, 1, (Symbol("c", "+", "?", NOON_NS),))
+    orders, texts = [], []
+    for records in ((record,), (record, later), (flag, symbol, record), (flag, symbol, later)):
+        (panel,) = [p for p in panels(shown(*records), 0) if p.name == "residuals"]
+        orders.append("".join(text.text[0] for text in panel.lines))
+        texts.append(panel.text())
+    assert orders == ["abcd", "abcd", "cabd", "cabd"]
+    assert "| 51 readings held, limit 50 BEYOND" in texts[0]
+    assert "| +0.00 σ of 5.00" in texts[0]
+    assert "| 50% of its limit" in texts[0]
 
 
 def test_a_bar_is_as_long_as_the_share_of_the_limit() -> None:
@@ -188,7 +226,7 @@ def test_symbols_of_the_open_episode() -> None:
     first = Symbols(NOON_NS, 1, (Symbol("a", "+", "?", NOON_NS),))
     later = Symbols(NOON_NS + SECOND_NS, 1, (Symbol("a", "+", "0", NOON_NS),))
     text = view(shown(flag, first, later))
-    assert "SYMBOLS  first a at 22:13:20.000 UTC: z 6, limit 5 (mean of 50 samples)" in text
+    assert "SYMBOLS  first a at 22:13:20.000 UTC: z = 6, limit 5 (mean of 50 samples)" in text
     assert "+? → +0  since 22:13:20.000" in text
     assert "SYMBOLS" not in view(shown(flag, first, replace(flag, detected=False)))
 
@@ -204,7 +242,7 @@ def test_an_alarm_says_value_limit_evidence_and_time() -> None:
         "INDISTINGUISHABLE: friction in the mechanism"
     )
     text = detail(alarm).text()
-    assert "possible jam 75%, size 1.5 ± 0.1 N" in text
+    assert "possible jam 75%, size 1.50 ± 0.10 N" in text
     assert "possible ball_nut_friction 25%\n" in text
     assert "evidence 22:13:21.000 b magnitude +, slope ?" in text
     assert "not acknowledged" in text

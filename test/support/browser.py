@@ -140,7 +140,7 @@ class Browser:
     def _page(self) -> str:
         """What people would tell of it: where the focus is, what lies above, and the page."""
         focus = self.run("document.activeElement.outerHTML.slice(0, 200)")
-        above = self.run("[...document.querySelectorAll('.q-dialog')].map(e => e.innerText)")
+        above = self.run("[...document.querySelectorAll('dialog[open]')].map(e => e.innerText)")
         return f"focus: {focus}\ndialogs: {above}\n{self.run('document.body.innerText')}"[:2000]
 
 

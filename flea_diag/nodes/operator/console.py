@@ -17,7 +17,7 @@ from flea_diag.operator.hall_view import hall as listed
 from flea_diag.operator.hall_view import stand_rows
 from flea_diag.operator.panel import Panel
 from flea_diag.operator.state import SHOWN
-from flea_diag.operator.verdict_view import line
+from flea_diag.operator.verdict_view import change, line
 from flea_diag.operator.view import page, view
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
@@ -62,6 +62,7 @@ class Plain:
     def __init__(self, desk: Desk, out: TextIO, before: str = "") -> None:
         self._desk, self._out, self._before = desk, out, before
         self._shown = ""
+        self._told: object = ""
 
     def verdict(self, record: Record) -> None:
         """Print the line of a verdict at once; other records are ignored."""
@@ -70,7 +71,12 @@ class Plain:
 
     def line(self) -> None:
         """Print one line if the verdict has changed."""
-        self._write(self._before + line(self._desk.state, self._desk.now_ns()), end="\n")
+        state, now_ns = self._desk.state, self._desk.now_ns()
+        changed = change(state, now_ns)
+        if changed == self._told:
+            return
+        self._told = changed
+        self._write(self._before + line(state, now_ns), end="\n")
 
     def page(self) -> None:
         """Print the whole page if it has changed."""

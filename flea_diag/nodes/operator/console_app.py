@@ -39,9 +39,9 @@ CSS = """
 .-narrow #left, .-narrow #right { width: 1fr; height: auto; }
 .panel { height: auto; margin-bottom: 1; text-wrap: nowrap; text-overflow: ellipsis; }
 .title { text-style: bold; color: $accent; height: 1; }
-OptionList { height: auto; border: none; padding: 0; background: transparent; text-wrap: nowrap; }
+OptionList { height: auto; border: none; padding: 0; background: transparent; }
 OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
-#why, #dropped { text-wrap: wrap; }
+#why, #dropped, #next { text-wrap: wrap; }
 #bottom { height: auto; max-height: 10; padding: 0 1; }
 #possible { margin-bottom: 1; }
 #message { height: auto; padding: 0 1; color: $warning; }

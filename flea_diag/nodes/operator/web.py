@@ -89,7 +89,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
 def _serve_stand(
     site: Any, bus: Bus[Any], parameters: WebParameters, title: str
 ) -> Callable[[], None]:
-    tools = _tools(parameters.stand)
+    tools = picture_tools(parameters.stand)
     desk = Desk(open_journal(parameters.journal, bus), _author(parameters))
     site.serve_stand(desk, tools, title)
     connect(bus, desk)
@@ -101,14 +101,14 @@ def _serve_hall(
 ) -> Callable[[], None]:
     given = [entry.partition("=") for entry in parameters.stands]
     drawn = {name.strip("/"): stand for name, _, stand in given if stand}
-    tools = {stand: _tools(stand) for stand in {parameters.stand, *drawn.values()}}
+    tools = {stand: picture_tools(stand) for stand in {parameters.stand, *drawn.values()}}
     names = [name for name, _, _ in given]
     hall = Hall(bus, names, parameters.journal, _author(parameters))
     site.serve_hall(hall, lambda name: tools[drawn.get(name, parameters.stand)], title)
     return hall.end
 
 
-def _tools(stand: str) -> Any:
+def picture_tools(stand: str) -> Any:
     """What the pictures need of the description of a stand."""
     from flea_diag.configuration.screens import load_causal_map, tree_planner
     from flea_diag.configuration.stand import load_stand

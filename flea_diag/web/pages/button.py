@@ -6,9 +6,25 @@ from collections.abc import Callable
 
 from nicegui import ui
 
+from flea_diag.web.markup import joined, tag
 
-def button(words: str, key: str, call: Callable[[], None]) -> ui.element:
-    """A button with its shortcut in ``data-key``: the page forwards keys to visible buttons."""
-    with ui.element("button").props(f'type=button data-key="{key}"').on("click", call) as element:
-        ui.html(f"{words}<kbd>{key}</kbd>", sanitize=False, tag="span")
+
+def button(
+    words: str, key: str = "", call: Callable[[], None] | None = None, **data: str
+) -> ui.element:
+    """A button with its shortcut in ``data-key``: the page forwards keys to visible buttons.
+
+    ``data`` are further attributes, by which the browser does something by itself: ``opens`` names
+    a dialog.
+    """
+    with ui.element("button") as element:
+        element.props["type"] = "button"
+        if key:
+            element.props["data-key"] = element.props["aria-keyshortcuts"] = key
+        for name, value in data.items():
+            element.props[f"data-{name}"] = value
+        if call is not None:
+            element.on("click", call)
+        shortcut = tag("kbd", key, aria_hidden="true") if key else None
+        ui.html(str(joined(words, shortcut)), sanitize=False, tag="span")
     return element

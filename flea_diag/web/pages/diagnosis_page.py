@@ -18,9 +18,10 @@ from flea_diag.web.pages.charts import CHARTS, NOTES, SPANS, Chart, Marks
 from flea_diag.web.pages.elements import PanelBody, Strips, section
 from flea_diag.web.pages.frame import Frame
 from flea_diag.web.pages.injection import InjectionDialog
+from flea_diag.web.pages.text_dialog import Said, TextDialog
 from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import PANELS, View
-from flea_diag.wire.records import Record
+from flea_diag.wire.records import NEVER_NS, Record
 
 ORDER = (
     "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
@@ -94,6 +95,7 @@ class DiagnosisPage(Frame):
         self._desk = desk
         self._bodies: dict[str, PanelBody] = {}
         self._charts: list[Chart] = []
+        self._moment_ns = NEVER_NS
         super().__init__(client, title, (*KEYS, LEAVE) if listed else KEYS, changed)
 
     # -- layout
@@ -101,14 +103,28 @@ class DiagnosisPage(Frame):
     def actions(self) -> None:
         """Add the buttons of this page to the bar."""
         button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
-        button("Comment", "c", self._comment_latest)
-        button("Mark", "m", self._mark)
-        self._accept = button("Accept unit", "u", self._decide_on_unit)
+        self._comment_button = button("Comment", "c", opens="comment")
+        button("Mark", "m", opens="mark")
+
+    def more(self) -> None:
+        """Add the buttons that a narrow bar keeps in a menu."""
+        self._accept = button("Accept unit", "u", opens="unit")
         self._accept.set_visibility(False)
         self._injection = InjectionDialog(self._desk)
 
+    def _questions(self) -> None:
+        """Add the dialogs of this page."""
+        TextDialog(
+            "comment", "Comment on the episode", self._comment, example="finding, action taken",
+            field="Comment",
+        )  # fmt: skip
+        TextDialog("mark", "Mark this moment", self._mark, preset="mark", opened=self._hold_moment)
+        self._injection.add_dialog()
+        TextDialog("unit", ASKED, self._decide_on_unit, example=EXAMPLE, field="Reason")
+
     def panels(self) -> None:
         """Add the panels of this page."""
+        self._questions()
         panels = {panel.name: panel for panel in PANELS}
         for name, key in zip_longest(ORDER, DIGITS[: len(ORDER)], fillvalue=""):
             if name in CHARTS:
@@ -135,8 +151,18 @@ class DiagnosisPage(Frame):
         for chart in self._charts:
             chart.show(strips, marks)
 
+    def _name_latest(self) -> None:
+        """Which episode the button in the bar comments on."""
+        alarms = self._desk.state.alarms
+        latest = key_text(alarms[-1].key) if alarms else ""
+        if self._comment_button.props.get("data-alarm") != latest:
+            self._comment_button.props["data-alarm"] = latest
+            self._comment_button.props["disabled"] = not latest
+            self._comment_button.update()
+
     def fill(self, view: View) -> None:
         """Show the drawn panels."""
+        self._name_latest()
         self.chips.show(view.drawn["chips"])
         for name, body in self._bodies.items():
             body.show(view.drawn[name])
@@ -149,10 +175,12 @@ class DiagnosisPage(Frame):
 
     def _act(self, event: Any) -> None:
         act, _, name = str(event.args).partition(" ")
-        alarm = next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
-        do = {"ack": self._acknowledge, "comment": self._comment}.get(act)
-        if alarm is not None and do is not None:
-            do(alarm)
+        alarm = self._alarm(name)
+        if alarm is not None and act == "ack":
+            self._acknowledge(alarm)
+
+    def _alarm(self, name: str) -> Alarm | None:
+        return next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
 
     def _acknowledge_latest(self) -> None:
         standing = [alarm for alarm in self._desk.state.alarms if alarm.standing]
@@ -165,20 +193,22 @@ class DiagnosisPage(Frame):
         self._desk.acknowledge(alarm.key)
         self.tell("Acknowledged.")
 
-    def _comment_latest(self) -> None:
-        alarms = self._desk.state.alarms
-        if alarms:
-            self._comment(alarms[-1])
-        else:
-            ui.notify("No episode to comment on: mark this moment instead.")
+    def _comment(self, said: Said) -> None:
+        alarm = self._alarm(said.alarm)
+        if alarm is None:
+            self.tell("Not saved: there is no such episode any more.")
+            return
+        self._desk.comment(alarm.key, said.text)
+        self.tell("Saved.")
 
-    def _comment(self, alarm: Alarm) -> None:
-        self.ask("Comment on the episode", "", lambda text: self._desk.comment(alarm.key, text))
-
-    def _decide_on_unit(self) -> None:
+    def _decide_on_unit(self, said: Said) -> None:
         if unit_in_question(self._desk.state) is not None:
-            self.ask(f"{ASKED} ({EXAMPLE})", "", self._desk.decide_on_unit)
+            self._desk.decide_on_unit(said.text)
+            self.tell("Saved.")
 
-    def _mark(self) -> None:
-        moment_ns = self._desk.moment_ns()
-        self.ask("Mark this moment", "mark", lambda text: self._desk.mark(text, moment_ns))
+    def _hold_moment(self, _: str) -> None:
+        self._moment_ns = self._desk.moment_ns()
+
+    def _mark(self, said: Said) -> None:
+        self._desk.mark(said.text, self._moment_ns)
+        self.tell("Saved.")

@@ -1,4 +1,4 @@
-"""What every page has: the bar with its buttons, notices, a dialog for text, the list of keys."""
+"""What every page has: the bar with its buttons, notices, the list of keys."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from nicegui import Client, ui
 
 from flea_diag.errors import visible
+from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.elements import STATIC, PanelBody, Watch
 
@@ -15,7 +16,7 @@ KEYS = (("d", "switch between light and dark"), ("?", "show this list"))
 
 
 class Frame:
-    """One page in one browser; its own content is what ``actions`` and ``panels`` add.
+    """One page in one browser; its own content is what ``actions``, ``more`` and ``panels`` add.
 
     Parameters
     ----------
@@ -37,26 +38,27 @@ class Frame:
         changed: Callable[[], None],
     ) -> None:
         self.client, self._changed = client, changed
-        self._dark = ui.dark_mode(None)
         ui.add_css(STATIC / "flea.css")
-        with ui.element("div").classes("bar-top flea"):
-            ui.html(title, sanitize=False, tag="span").classes("name")
+        with ui.element("header").classes("bar-top flea"):
+            ui.html(title, sanitize=False, tag="div").classes("name")
             self.chips = PanelBody()
-            ui.element("span").classes("room")
             with ui.element("div").classes("actions"):
                 self.actions()
-                button("Light / dark", "d", self._turn)
-                button("Keys", "?", lambda: self._help.open())
+                button("More", more="").classes("opener").props("aria-expanded=false")
+                with ui.element("div").classes("rest"):
+                    self.more()
+                    button("Light / dark", "d", turn="")
+                    button("Keys", "?", opens="keys")
         self._watch = Watch()
-        with ui.element("main").classes("flea"):
+        with ui.element("div").classes("flea sheet"):
             self.panels()
-        self._text_dialog()
-        with ui.dialog() as self._help, ui.card().classes("flea"):
-            rows = "".join(f"<kbd>{key}</kbd><span>{words}</span>" for key, words in (*keys, *KEYS))
-            ui.html(f"<div class=keys>{rows}</div>", sanitize=False)
+        self._list_of_keys((*keys, *KEYS))
 
     def actions(self) -> None:
         """Add the buttons of this page to the bar."""
+
+    def more(self) -> None:
+        """Add the buttons that a narrow bar keeps in a menu."""
 
     def panels(self) -> None:
         """Add the panels of this page."""
@@ -64,13 +66,6 @@ class Frame:
     def beat(self, ringing: int) -> None:
         """Tell the browser that the server lives, and how many alarms ring."""
         self._watch.run_method("beat", ringing)
-
-    def ask(self, words: str, text: str, done: Callable[[str], None]) -> None:
-        """Ask for a text, and do something with it."""
-        self._asked.set_content(words)
-        self._said.set_value(text)
-        self._done = done
-        self._dialog.open()
 
     def tell(self, words: str) -> None:
         """Say what was done, or why it was not."""
@@ -82,23 +77,11 @@ class Frame:
         """Why what a person has entered cannot be stored; empty if it can."""
         return ""
 
-    def _text_dialog(self) -> None:
-        self._done: Callable[[str], None] = lambda _: None
-        with ui.dialog() as self._dialog, ui.card().classes("flea"):
-            self._asked = ui.html("", sanitize=False, tag="h3")
-            self._said = ui.textarea().props("autofocus outlined").classes("said")
-            self._said.on("keydown.enter.prevent", self._say)
-            with ui.element("div").classes("actions"):
-                button("Save", "Enter", self._say).classes("primary")
-                button("Cancel", "Esc", self._dialog.close)
-
-    def _say(self) -> None:
-        self._dialog.close()
-        if str(self._said.value or "").strip():
-            self._done(str(self._said.value))
-            self.tell("Saved.")
-
-    def _turn(self) -> None:
-        ui.run_javascript("return document.body.classList.contains('body--dark')").then(
-            lambda dark: self._dark.set_value(not dark)
-        )
+    def _list_of_keys(self, keys: Sequence[tuple[str, str]]) -> None:
+        rows = (joined(tag("dt", tag("kbd", key)), tag("dd", words)) for key, words in keys)
+        close = Markup('<button type="submit">{}</button>').format("Close")
+        content = tag("form", tag("h2", "Keys"), tag("dl", *rows, class_="keys"), close)
+        with ui.element("dialog").classes("flea") as element:
+            element.props["data-name"] = "keys"
+            element.props["aria-label"] = "Keys"
+            ui.html(str(content).replace("<form>", '<form method="dialog">', 1), sanitize=False)

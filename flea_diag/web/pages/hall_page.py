@@ -15,6 +15,7 @@ from flea_diag.web.pages.button import button
 from flea_diag.web.pages.diagnosis_page import OperatorNode
 from flea_diag.web.pages.elements import PanelBody, section
 from flea_diag.web.pages.frame import Frame
+from flea_diag.web.pages.text_dialog import Said, TextDialog
 
 KEYS = (
     ("a", "acknowledge the latest episode of all stands"),
@@ -57,6 +58,7 @@ class HallPage(Frame):
 
     def panels(self) -> None:
         """Add the panels of this page."""
+        TextDialog("comment", "Comment on the episode", self._comment, field="Comment")
         for name, key, title in (
             ("stands", "s", "Stands, the worst first"),
             ("journal", "j", "Alarms of all stands"),
@@ -77,13 +79,16 @@ class HallPage(Frame):
 
     def _act(self, event: Any) -> None:
         act, _, name = str(event.args).partition(" ")
+        desk, alarm = self._alarm(name)
+        if desk is not None and alarm is not None and act == "ack":
+            self._acknowledge(desk, alarm)
+
+    def _alarm(self, name: str) -> tuple[OperatorNode | None, Alarm | None]:
+        """Desk and alarm of a button: the name of the stand, and the key."""
         stand, _, key = name.partition(" ")
         desk = self._desks().get(stand)
         alarms = desk.state.alarms if desk is not None else ()
-        alarm = next((a for a in alarms if key_text(a.key) == key), None)
-        do = {"ack": self._acknowledge, "comment": self._comment}.get(act)
-        if desk is not None and alarm is not None and do is not None:
-            do(desk, alarm)
+        return desk, next((a for a in alarms if key_text(a.key) == key), None)
 
     def _acknowledge_latest(self) -> None:
         desks = self._desks()
@@ -98,6 +103,11 @@ class HallPage(Frame):
         desk.acknowledge(alarm.key)
         self.tell("Acknowledged.")
 
-    def _comment(self, desk: OperatorNode, alarm: Alarm) -> None:
+    def _comment(self, said: Said) -> None:
+        desk, alarm = self._alarm(said.alarm)
+        if desk is None or alarm is None:
+            self.tell("Not saved: there is no such episode any more.")
+            return
         self._used = desk
-        self.ask("Comment on the episode", "", lambda text: desk.comment(alarm.key, text))
+        desk.comment(alarm.key, said.text)
+        self.tell("Saved.")

@@ -11,6 +11,7 @@ from nicegui import ui
 from flea_diag.errors import visible
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.web.pages.button import button
+from flea_diag.web.pages.text_dialog import Said, TextDialog
 
 WORDS = "Inject a fault into the simulated stand"
 EXAMPLE = "jam, or with a size jam:0.5"
@@ -28,16 +29,15 @@ class InjectionDialog:
     def __init__(self, stand: FaultEntryHolder) -> None:
         self._stand = stand
         self._answers: SimpleQueue[tuple[str, str]] = SimpleQueue()
-        self._button = button("Inject", "i", self._open)
+        self._button = button("Inject", "i", opens="inject")
         self._button.set_visibility(False)
-        with ui.dialog() as self._dialog, ui.card().classes("flea"):
-            ui.html(WORDS, sanitize=False, tag="h3")
-            self._fault = ui.input(placeholder=EXAMPLE).props("autofocus outlined").classes("said")
-            self._fault.on("keydown.enter.prevent", self._put_in)
-            with ui.element("div").classes("actions"):
-                button("Inject", "Enter", self._put_in).classes("primary")
-                button("Clear all faults", "", partial(self._ask, ""))
-                button("Leave", "Esc", self._dialog.close)
+
+    def add_dialog(self) -> None:
+        """Add the dialog, outside of any menu: what is not shown cannot show it."""
+        with TextDialog(
+            "inject", WORDS, self._put_in, field="Fault", example=EXAMPLE, save="Inject"
+        ):
+            button("Clear all faults", "", partial(self._ask, ""), shuts="")
 
     def offer(self) -> None:
         """Show the button while a stand accepts faults, and the answers of the stand."""
@@ -51,17 +51,9 @@ class InjectionDialog:
                 type="negative" if why_not else None,
             )
 
-    def _open(self) -> None:
-        if self._stand.faults.present:
-            self._fault.set_value("")
-            self._dialog.open()
-
-    def _put_in(self) -> None:
-        fault = str(self._fault.value or "").strip()
-        if fault:
-            self._ask(fault)
+    def _put_in(self, said: Said) -> None:
+        self._ask(said.text)
 
     def _ask(self, fault: str) -> None:
-        self._dialog.close()
         # The answer arrives in the thread of the node and is shown at the next redraw.
         self._stand.faults.set(fault, lambda why_not: self._answers.put((fault, why_not)))

@@ -1,9 +1,21 @@
 // A panel whose content the server draws. What a person has unfolded, scrolled to or selected stays so.
-const NAMES = ["data-name", "data-act", "data-alarm"];
+const NAMES = ["data-name", "data-act", "data-opens", "data-alarm"];
 
 // A selector of the element with the focus, by what the server calls it.
 const named = (element) => NAMES.filter((name) => element.hasAttribute(name))
   .map((name) => `[${name}="${CSS.escape(element.getAttribute(name))}"]`).join("");
+
+// The local time of a moment with its zone; nothing where that is UTC.
+function local(time) {
+  const at = new Date(time.dateTime), words = at.toLocaleTimeString([], { hour12: false, timeZoneName: "short" });
+  if (at.getTimezoneOffset() === 0) return;
+  time.title = `${at.toLocaleDateString()} ${words}`;
+  if (!time.classList.contains("both")) return;
+  const added = document.createElement("span");
+  added.className = "local";
+  added.textContent = ` · ${words}`;
+  time.append(added);
+}
 
 export default {
   template: "<div class='body'></div>",
@@ -30,6 +42,7 @@ export default {
       const scrolled = this.$el.scrollLeft;
       const focused = this.$el.contains(document.activeElement) ? named(document.activeElement) : "";
       this.$el.innerHTML = this.content || "";
+      this.$el.querySelectorAll("time").forEach(local);
       this.$el.querySelectorAll("details").forEach((d) => { d.open = open.has(d.dataset.name); });
       this.$el.scrollLeft = scrolled;
       if (focused) this.$el.querySelector(focused)?.focus({ preventScroll: true });

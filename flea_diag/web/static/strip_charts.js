@@ -115,7 +115,7 @@ class Chart {
     const now = this.ring.at(last, this.high), limit = this.limit === undefined ? NaN : this.ring.at(last, this.limit);
     const value = Math.abs(this.ring.at(last, this.low)) > Math.abs(now) ? this.ring.at(last, this.low) : now;
     const over = limit === limit && Math.abs(value) > limit;
-    const words = (value === value ? `${over ? "▲ " : ""}${short(value)} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
+    const words = (value === value ? `${over ? "▲ " : ""}${this.unit === "σ" ? Number(value.toFixed(2)) + 0 : short(value)} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
     if (this.output.textContent !== words) { this.output.textContent = words; this.root.classList.toggle("over", over); }
   }
   // A chart that has lately passed its limit comes first, also one that was not in view.
@@ -165,7 +165,7 @@ document.addEventListener("click", (event) => {
 export default {
   template: "<div class='strips'></div>",
   mounted() {
-    this.charts = []; this.ring = null; this.marks = []; this.offset = null; this.drawn = 0; this.themed = 0;
+    this.charts = []; this.ring = null; this.marks = []; this.offset = null; this.drawn = 0; this.themed = -Infinity;
     this.watch = new IntersectionObserver((entries) => entries.forEach((e) => { this.charts.find((c) => c.root === e.target).seen = e.isIntersecting; }));
     const loop = (now) => { this.frame = requestAnimationFrame(loop); if (now - this.drawn >= FRAME_MS - 4) { this.drawn = now; this.paint(now); } };
     this.frame = requestAnimationFrame(loop);

@@ -25,6 +25,36 @@ const bell = {
 };
 window.fleaBell = bell;
 
+const THEME = "flea-theme";
+// A browser may refuse to store anything.
+function kept(call, ...words) { try { return localStorage[`${call}Item`](THEME, ...words); } catch { return null; } }
+
+function turn(dark) {
+  setDark(dark);  // NiceGUI's
+  kept("set", dark ? "dark" : "light");
+}
+
+function open(name, alarm) {
+  const dialog = document.querySelector(`dialog[data-name="${CSS.escape(name)}"]`);
+  if (!dialog) return;
+  if (dialog.fleaOpen) dialog.fleaOpen(alarm); else dialog.showModal();
+}
+
+// The menu of a narrow bar; false where it was closed already.
+function menu(on) {
+  const opener = document.querySelector(".bar-top .opener"), rest = opener?.parentElement;
+  if (!rest) return false;
+  const was = rest.classList.contains("open"), is = on ?? !was;
+  rest.classList.toggle("open", is);
+  opener.setAttribute("aria-expanded", String(is));
+  return was;
+}
+
+// Whether a person could not press it anyway; what a closed menu holds has its key all the same.
+function hidden(element) {
+  return !element.offsetParent && (!element.closest(".rest") || element.classList.contains("hidden"));
+}
+
 export default {
   template: "<div class='lost-banner' role='alert'></div>",
   mounted() {
@@ -39,17 +69,35 @@ export default {
     }, 250);
     this.keyed = (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
-      const dialog = document.querySelector(".q-dialog");
-      if (event.key in STEPS && !dialog && this.step(STEPS[event.key])) { event.preventDefault(); return; }
-      const target = document.querySelector(`[data-key="${CSS.escape(event.key)}"]`);
-      if (!target || !target.offsetParent || (dialog && !dialog.contains(target))) return;
+      if (document.querySelector("dialog[open]")) return;
+      if (event.key in STEPS && this.step(STEPS[event.key])) { event.preventDefault(); return; }
+      if (event.key === "Escape" && menu(false)) return;
+      const target = [...document.querySelectorAll(`[data-key="${CSS.escape(event.key)}"]`)].find((e) => !hidden(e));
+      if (!target || target.disabled) return;
       event.preventDefault();
       if (target.matches("button, a")) target.click();
       else { target.scrollIntoView({ block: "start" }); target.focus({ preventScroll: true }); }
     };
     document.addEventListener("keydown", this.keyed);
+    // What the browser does by itself, before the server hears of it.
+    this.clicked = (event) => {
+      const button = event.target.closest("button");
+      if (button && "more" in button.dataset) { menu(); return; }
+      menu(false);
+      if (!button) return;
+      if (button.dataset.opens) open(button.dataset.opens, button.dataset.alarm);
+      if ("turn" in button.dataset) turn(!document.body.classList.contains("body--dark"));
+      if ("shuts" in button.dataset) button.closest("dialog")?.close();
+    };
+    document.addEventListener("click", this.clicked);
+    const chosen = kept("get");
+    if (chosen) turn(chosen === "dark");
   },
-  unmounted() { clearInterval(this.timer); document.removeEventListener("keydown", this.keyed); },
+  unmounted() {
+    clearInterval(this.timer);
+    document.removeEventListener("keydown", this.keyed);
+    document.removeEventListener("click", this.clicked);
+  },
   methods: {
     // Selects the stand above or below in the list of all; false where there is none.
     step(by) {

@@ -1,0 +1,51 @@
+// A dialog that the browser opens by itself: what is typed from the next key on goes into its field.
+export default {
+  template: `
+    <dialog class="flea question" :data-name="name" :aria-label="words" @close="closed" @keydown="keyed">
+      <form method="dialog" @submit.prevent="save">
+        <h2>{{ words }}</h2>
+        <p v-if="about" class="soft">{{ about }}</p>
+        <label v-if="choices.length"><span>{{ chosen }}</span>
+          <select ref="choice"><option v-for="c in choices" :key="c[0]" :value="c[0]">{{ c[1] }}</option></select></label>
+        <label><span>{{ field }}</span>
+          <textarea ref="field" rows="3" :placeholder="example" maxlength="2000"></textarea></label>
+        <p ref="trouble" class="trouble" role="alert"></p>
+        <div class="actions">
+          <button type="submit" class="primary">{{ save_label }}<kbd aria-hidden="true">Enter</kbd></button>
+          <slot></slot>
+          <button type="button" @click="$el.close()">{{ cancel_label }}<kbd aria-hidden="true">Esc</kbd></button>
+        </div>
+      </form>
+    </dialog>`,
+  props: {
+    name: String, words: String, field: String, example: String, preset: String, chosen: String,
+    choices: { type: Array, default: () => [] }, save_label: String, cancel_label: String,
+    empty_label: String, lost_label: String, about: String,
+  },
+  emits: ["opened", "said"],
+  mounted() { this.$el.fleaOpen = (alarm) => this.open(alarm); },
+  methods: {
+    open(alarm) {
+      if (this.$el.open) return;
+      this.alarm = alarm || "";
+      this.$refs.field.value = this.preset || "";
+      this.$refs.trouble.textContent = "";
+      this.$el.showModal();
+      this.$refs.field.focus();
+      this.$refs.field.select();  // what is typed replaces what stands there
+      this.$emit("opened", this.alarm);
+    },
+    keyed(event) {
+      event.stopPropagation();
+      if (event.key === "Enter" && !event.shiftKey && !event.isComposing && event.target === this.$refs.field) { event.preventDefault(); this.save(); }
+    },
+    save() {
+      const text = this.$refs.field.value.trim();
+      const lost = document.body.classList.contains("lost");
+      if (!text || lost) { this.$refs.trouble.textContent = lost ? this.lost_label : this.empty_label; return; }
+      this.$emit("said", { alarm: this.alarm, text, choice: this.$refs.choice ? this.$refs.choice.value : "" });
+      this.$el.close();
+    },
+    closed() { this.$refs.field.value = ""; },
+  },
+};

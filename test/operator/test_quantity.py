@@ -1,0 +1,45 @@
+"""Numbers of the screens: units, and digits that mean something."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flea_diag.operator.quantity import number, statistic
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "sigma", "text"),
+    [
+        (59.966, "N", 6.7035, "60.0 ± 6.7 N"),
+        (0.9, "1", 0.0, "0.9"),
+        (0.9, "1", 1e-9, "0.9"),
+        (1.5, "A", math.nan, "1.5 A"),
+        (1234.5, "N", math.nan, "1234 N"),
+        (-0.0, "N", math.nan, "0 N"),
+        (2.34567e-6, "m", 3e-8, "2.35e-06 ± 3e-08 m"),
+        (math.nan, "N", math.nan, "unknown"),
+        (5.0, "K", math.inf, "5 K"),
+    ],
+)
+def test_a_number_has_the_digits_that_it_is_known_to(
+    value: float, unit: str, sigma: float, text: str
+) -> None:
+    assert number(value, unit, sigma) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "limit", "text"),
+    [
+        ("parity_mechanical", 7.3071, 6.7438, "z = 7.31, limit 6.74"),
+        ("parity_mechanical", 4.7e-16, 6.7438, "z = 0, limit 6.74"),
+        ("parity_mechanical", -1e-9, 6.0, "z = 0, limit 6"),
+        ("motor_current_stuck", 51.0, 50.0, "51 readings held, limit 50"),
+        ("motor_current_dropout", 2.0, 1.5, "2 drop-outs, limit 1"),
+        ("load_position", 1.25, 1.0, "125% of its limit"),
+        ("parity_mechanical", math.nan, math.nan, "z = unknown, limit unknown"),
+    ],
+)
+def test_a_statistic_is_what_it_counts(name: str, z: float, limit: float, text: str) -> None:
+    assert statistic(name, z, limit) == text

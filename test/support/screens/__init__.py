@@ -1,0 +1,1 @@
+"""Screens under test, on records of the test."""

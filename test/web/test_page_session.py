@@ -1,0 +1,117 @@
+"""What people do on the page in a real Chromium, from the first key to the last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from support import browser as browsers
+from support.verdicts import FLAG, LAST, NOMINAL, START
+
+pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
+
+from support.screens.page_session import PageSession, page_session
+
+ENTER, ESCAPE = "\ue007", "\ue00c"
+OPEN = "document.querySelector('dialog[open]')"
+SIZES = ((1920, 1080), (1300, 900), (820, 1180), (390, 844))
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSession]:
+    if browsers.missing():
+        pytest.skip(browsers.missing())
+    with page_session(tmp_path_factory.mktemp("page")) as opened:
+        opened.tell_channels(lost=1033)
+        opened.take(NOMINAL)
+        opened.start()
+        opened.browser.open(opened.url)
+        opened.browser.until_text(".chips", "LIVE")
+        yield opened
+
+
+def test_a_healthy_stand_says_what_is_and_no_more(session: PageSession) -> None:
+    browser = session.browser
+    browser.until_text("#panel-tree", "features are requested only while")
+    browser.until_text("#panel-vibration", "accelerometer_1_x")
+    browser.until_text("#panel-residual", "0 σ")
+    browser.until_text("#panel-residual", "0 readings held")
+    assert "e-16" not in browser.text("#panel-residual")
+    browser.until_text("#panel-quality", "1033 lost")
+    lost = "[...document.querySelectorAll('#panel-streams tr')].find(r => r.innerText.includes("
+    browser.until(f"{lost}'sensors/slow')).lastChild.innerText === '1033'")
+
+
+def test_what_is_typed_goes_into_the_dialog_from_the_next_key_on(session: PageSession) -> None:
+    """In one burst, faster than any answer of the server; the text holds keys of the page."""
+    browser = session.browser
+    session.take(FLAG, LAST)
+    browser.until_text("#panel-episodes", "not acknowledged")
+    browser.press("c", "at rest, clamp moved", ENTER)
+    browser.until_text("#panel-episodes", "Ada: at rest, clamp moved")
+    assert all(alarm.standing for alarm in session.desk.state.alarms)
+    # What stands in a field beforehand is replaced by what is typed, and Escape saves nothing.
+    browser.press("m", "load changed", ENTER)
+    browser.until_text("#panel-episodes", "load changed")
+    assert [mark.text for mark in session.desk.state.marks] == ["load changed"]
+    browser.press("m", "nothing", ESCAPE)
+    browser.until(f"!{OPEN}")
+    browser.press("c", ENTER)
+    browser.until_text("dialog[open]", "Enter a text first")
+    browser.press(ESCAPE, "?", "a", ESCAPE)
+    browser.until(f"!{OPEN}")
+    browser.press("a")
+    browser.until_text("#panel-episodes", "by Ada")
+    assert [mark.text for mark in session.desk.state.marks] == ["load changed"]
+
+
+def test_light_and_dark_are_turned_and_remembered(session: PageSession) -> None:
+    browser, dark = session.browser, "document.body.classList.contains('body--dark')"
+    browser.theme("light")
+    browser.until(f"!{dark}")
+    browser.press("d")
+    browser.until(dark)
+    browser.open(session.url)
+    browser.until_text(".chips", "LIVE")
+    browser.until(dark)
+    browser.press("d")
+    browser.until(f"!{dark}")
+
+
+def test_the_bar_stands_still_and_is_small_at_every_size(session: PageSession) -> None:
+    browser, bar = session.browser, "document.querySelector('.bar-top').offsetHeight"
+    for width, height in SIZES:
+        browser.size(width, height)
+        browser.until(f"innerWidth === {width}")
+        session.take(replace(NOMINAL, detected_stamp_ns=-1))
+        browser.until("!document.body.classList.contains('ringing')")
+        before = browser.run(bar)
+        session.take(replace(LAST, detected_stamp_ns=START + width))
+        browser.until("document.body.classList.contains('ringing')")
+        assert browser.run(bar) == before <= 80
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        browser.press("a")
+        browser.until("!document.body.classList.contains('ringing')")
+    browser.size(1440, 1000)
+
+
+def test_what_is_over_says_so_with_its_end_and_duration(session: PageSession) -> None:
+    browser = session.browser
+    over = replace(LAST, detected_stamp_ns=START + 10**13, stamp_ns=START + 10**13)
+    session.take(over, replace(NOMINAL, stamp_ns=over.stamp_ns + 12 * 10**9))
+    browser.until_text("#panel-episodes", "returned 01:00:12.0 after 12.0 s")
+    first = "document.querySelector('#panel-episodes tr:nth-child(2)')"
+    assert not browser.run(f"{first}.querySelector('.state.error')")
+
+
+def test_a_dead_stand_leaves_nothing_good_behind(session: PageSession) -> None:
+    browser = session.browser
+    session.lives.clear()
+    browser.until_text(".chips", "NO VERDICT for")
+    assert "isolator" not in browser.text(".chips") + browser.text("#panel-answer")
+    browser.until("!document.querySelector('#panel-quality .state.ok')")
+    browser.until_text("#panel-quality", "no scan for")
+    session.lives.set()
+    browser.until_text(".chips", "LIVE")
+    browser.until("!!document.querySelector('#panel-quality .state.ok')")
