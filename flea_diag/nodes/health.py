@@ -37,6 +37,11 @@ class HealthReport:
         """Whether a stream that was running has stopped."""
         return self._last_taken_s is not None and self._silent_s > SILENT_AFTER_S
 
+    @property
+    def silent_s(self) -> float:
+        """Time since a record of the stream was accepted."""
+        return 0.0 if self._last_taken_s is None else time.monotonic() - self._last_taken_s
+
     def check(self) -> None:
         """Count the time since the last check as silence, unless a record is taken after it."""
         now_s = time.monotonic()
@@ -76,8 +81,8 @@ class HealthReport:
         if self._last_taken_s is None:
             return Level.WARN, "waiting for the first record"
         if self.silent:
-            silent_s = time.monotonic() - self._last_taken_s
-            return Level.WARN, f"no record for {silent_s:.0f} s: check that the source is running"
+            words = f"no record for {self.silent_s:.0f} s: check that the source is running"
+            return Level.WARN, words
         if new > 0:
             return Level.WARN, f"{new} messages skipped or lost since the last report"
         return Level.OK, "running"

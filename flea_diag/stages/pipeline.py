@@ -8,7 +8,7 @@ from typing import cast
 
 from flea_diag.stages import BlockStage, Stage
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
-from flea_diag.wire.records import Record, Residual, Scan
+from flea_diag.wire.records import DataQuality, Record, Residual, Scan
 
 IN_BLOCKS: dict[type, type] = {ScanBlock: Scan, ResidualBlock: Residual}
 
@@ -100,6 +100,11 @@ class Pipeline:
             caused.extend(held)
             caused.extend(self._run(deque(held)))
         return tuple(caused)
+
+    def report(self) -> DataQuality | None:
+        """How readings and judgement stand now, of the stage that watches them; None: of none."""
+        reports = (getattr(stage, "report", lambda: None)() for stage in self._stages)
+        return next((report for report in reports if report is not None), None)
 
     def reset(self) -> tuple[Record, ...]:
         """Close the open episode and arm again, in every stage that keeps one."""

@@ -28,6 +28,7 @@ from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
 from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
 from flea_diag.wire.vocabulary import VIBRATION as VIBRATION
+from flea_diag.wire.vocabulary import Cause as Cause
 from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome
 from flea_diag.wire.vocabulary import Quality as Quality
@@ -161,13 +162,17 @@ class VibrationLevel:
 
 @dataclass(frozen=True, slots=True)
 class ChannelQuality:
-    """State of one channel: quality, since when, reason, and error counters so far."""
+    """State of one channel: quality, since when, reason, and error counters so far.
+
+    ``read_ns`` is the stamp of its last reading, or of the last scan of a stream.
+    """
 
     channel: str
     quality: Quality
     since_ns: int
     reason: str
     counters: tuple[tuple[str, int], ...] = ()
+    read_ns: int = NEVER_NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,12 +186,28 @@ class UnitOffset:
 
 
 @dataclass(frozen=True, slots=True)
+class Judged:
+    """In which share of the scans of the last 10 s and of the run one test judged, and why not.
+
+    ``judged`` is false where it had next to nothing of what it should have judged.
+    """
+
+    residual: str
+    recent: float
+    run: float
+    judged: bool = True
+    cause: Cause = Cause.NONE
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class DataQuality:
-    """State of every channel and stream, and the learned unit offsets; published on change."""
+    """State of every channel and stream, the unit's offsets, and what was judged; on change."""
 
     stamp_ns: int
     channels: tuple[ChannelQuality, ...]
     offsets: tuple[UnitOffset, ...] = ()
+    judged: tuple[Judged, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,3 +90,20 @@ class Quality(str, Enum):
     STALE = "stale"
     SATURATED = "saturated"
     ABSENT = "absent"
+
+
+class Cause(str, Enum):
+    """Why a test has not judged every scan."""
+
+    NONE = ""
+    AT_REST = "at rest"
+    MISSING = "missing"
+    GAP = "gap"
+    VOID = "void"
+    OUTSIDE = "outside"
+    UNFORMED = "not formed"
+
+    @property
+    def is_of_the_data(self) -> bool:
+        """Whether the readings are to blame, rather than the motion or the place."""
+        return self in (Cause.MISSING, Cause.GAP, Cause.UNFORMED)

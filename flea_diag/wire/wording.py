@@ -59,11 +59,12 @@ def _channel_info(info: r.ChannelInfo, _: r.ChannelTable) -> Words:
 
 def _data_quality(quality: r.DataQuality, _: None) -> Words:
     wrong = [row for row in quality.channels if QUALITY_LEVEL[row.quality] is not Level.OK]
-    sentence = ", ".join(f"{row.channel} {row.quality.value}" for row in wrong)
+    said = [f"{row.channel} {row.quality.value}" for row in wrong]
+    said += [f"{row.residual} not judged" for row in quality.judged if not row.judged]
     return Words(
-        Level.WARN if wrong else Level.OK,
+        Level.WARN if said else Level.OK,
         "data_quality",
-        sentence or f"{len(quality.channels)} channels, none bad",
+        ", ".join(said) or f"{len(quality.channels)} channels, none bad",
     )
 
 

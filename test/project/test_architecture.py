@@ -196,9 +196,10 @@ ARROWS = {
     },
     "flea_diag.stages": {
         "": (),
-        "observer": (),
+        "judgement": (),
+        "observer": ("judgement",),
         "extractor": (),
-        "isolator": (),
+        "isolator": ("judgement",),
         "baselines": ("extractor",),
     },
     "flea_diag.wire": {

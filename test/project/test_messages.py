@@ -18,7 +18,7 @@ from flea_diag.wire.topics import TOPICS, Topic
 PAGE = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
 PARTS = {
     "sensors/channels": (r.ChannelInfo,),
-    "data_quality": (r.ChannelQuality, r.UnitOffset),
+    "data_quality": (r.ChannelQuality, r.UnitOffset, r.Judged),
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
 }
@@ -34,12 +34,14 @@ TYPES = {
     r.Outcome: "str",
     r.Quality: "str",
     r.RemarkKind: "str",
+    r.Cause: "str",
     tuple[str, ...]: "list",
     tuple[tuple[str, str], ...]: "pairs of str",
     tuple[tuple[str, int], ...]: "pairs of int",
     tuple[r.Evidence, ...]: "objects",
     tuple[r.NextTest, ...]: "objects",
     tuple[r.UnitOffset, ...]: "objects",
+    tuple[r.Judged, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",
     tuple[r.ChannelQuality, ...]: "one status each",
     tuple[r.Symbol, ...]: "one status each",

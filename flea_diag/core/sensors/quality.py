@@ -35,6 +35,8 @@ class ChannelMonitor:
     counts: ScanCounts = field(kw_only=True)
     state: ChannelState = ChannelState("absent", 0, "no value yet")
     counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
+    read_ns: int = -1
+    """Stamp of the last usable reading; -1: none yet."""
     _unusable: int = 0
     _at_limit: int = 0
 
@@ -46,7 +48,10 @@ class ChannelMonitor:
         """
         self.counters["samples"] += 1
         used = self._range(value)
-        self._unusable = self._unusable + 1 if math.isnan(used) else 0
+        if math.isnan(used):
+            self._unusable += 1
+        else:
+            self._unusable, self.read_ns = 0, stamp_ns
         self.counters["missing"] += math.isnan(value)
         at_limit = value == used and value in (self.minimum, self.maximum)
         self._at_limit = self._at_limit + 1 if at_limit else 0
@@ -70,10 +75,12 @@ class ChannelMonitor:
             return not known
         return self.state.quality == "bad" and self._unusable >= self.counts.of(ABSENT_S)
 
-    def pass_over(self, scans: int) -> None:
-        """Count ``scans`` more values that change only counters."""
+    def pass_over(self, scans: int, last_ns: int) -> None:
+        """Count ``scans`` more values up to this stamp, which change only counters."""
         self.counters["samples"] += scans
-        if self.state.quality != "good":
+        if self.state.quality == "good":
+            self.read_ns = last_ns
+        else:
             self.counters["missing"] += scans
             self._unusable += scans
 

@@ -147,7 +147,7 @@ class Adapter:
         self._output.note_silence()
 
     def _repeat(self) -> None:
-        self._output.repeat()
+        self._output.repeat(getattr(self._stage, "report", lambda: None)())
         self._bus.publish(self._health.record())
 
 

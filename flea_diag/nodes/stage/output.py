@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.stage.channel_age import stopped
 from flea_diag.nodes.stage.malformed import with_malformed
 from flea_diag.nodes.stage.record_log import RecordLog
 from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored, serial_of
@@ -48,6 +49,8 @@ class StageOutput:
         """Data quality as the stage last said it."""
         self._malformed_said = 0
         self._serial = ""
+        self._stopped = False
+        """Whether data quality was last said to be stale."""
 
     def take_table(self, table: ChannelTable) -> None:
         """Note the serial of the actuator that the statuses are on."""
@@ -71,8 +74,14 @@ class StageOutput:
             self._log.add(record)
             self._mirror(record)
 
-    def repeat(self) -> None:
-        """Publish again how things stand, and what could not be read since."""
+    def repeat(self, quality: DataQuality | None = None) -> None:
+        """Publish again how things stand, and what could not be read since.
+
+        ``quality`` is that of now: its ages and shares go to /diagnostics.
+        """
+        self._quality = quality or self._quality
+        if self._quality is not None:
+            self._mirrored[DataQuality] = self._as_it_is(self._quality)
         if self._quality is not None and self._malformed > self._malformed_said:
             self._mirror(self._publish_quality(self._quality))
         again = self._verdict.again()
@@ -83,7 +92,10 @@ class StageOutput:
 
     def note_silence(self) -> None:
         """Mark the verdict stale when the source has stopped, and sound when it goes on."""
-        changed = self._verdict.source_silent(self._health.silent)
+        silent = self._health.silent
+        if self._quality is not None and silent != self._stopped:
+            self._mirror(self._publish_quality(self._quality))
+        changed = self._verdict.source_silent(silent)
         if changed is not None:
             self._publish_verdict(changed)
             if changed.stale:
@@ -100,15 +112,20 @@ class StageOutput:
     def forget(self) -> None:
         """Forget what was said of the run so far."""
         self._verdict.forget()
-        self._quality = None
+        self._quality, self._stopped = None, False
         self._mirrored.clear()
 
     def _publish_quality(self, quality: DataQuality) -> DataQuality:
         """Publish data quality with what this node could not read, and return that."""
-        whole = with_malformed(quality, self._bus.streams.values())
+        whole, self._stopped = self._as_it_is(quality), self._health.silent
         self._malformed_said = self._malformed
         self._bus.publish(whole)
         return whole
+
+    def _as_it_is(self, quality: DataQuality) -> DataQuality:
+        """Data quality with what this node could not read, and stale if the source has stopped."""
+        whole = with_malformed(quality, self._bus.streams.values())
+        return stopped(whole, self._health.silent_s) if self._health.silent else whole
 
     @property
     def _malformed(self) -> int:

@@ -10,14 +10,18 @@ from __future__ import annotations
 
 from collections import Counter
 
+from flea_diag.nodes.stage.channel_age import age_s
 from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (
     AmbiguityGroup,
+    ChannelQuality,
     ChannelTable,
     DataQuality,
     Health,
+    Judged,
     Level,
     Outcome,
+    Quality,
     Record,
 )
 from flea_diag.wire.wording import sentence_of, words_of
@@ -82,7 +86,16 @@ def _of_group(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:
 
 
 def _of_channels(quality: DataQuality) -> tuple[tuple[str, str], ...]:
-    return tuple(
-        (row.channel, f"{row.quality.value}: {row.reason}" if row.reason else row.quality.value)
-        for row in quality.channels
-    )
+    channels = tuple((row.channel, _of_channel(row, quality)) for row in quality.channels)
+    return channels + tuple((f"judged/{row.residual}", _share(row)) for row in quality.judged)
+
+
+def _of_channel(row: ChannelQuality, quality: DataQuality) -> str:
+    said = f"{row.quality.value}: {row.reason}" if row.reason else row.quality.value
+    age = None if row.quality is Quality.STALE else age_s(row, quality, 0.0)
+    return said if age is None else f"{said}, last reading {age:.1f} s ago"
+
+
+def _share(row: Judged) -> str:
+    why = f": {row.why}" if row.why else ""
+    return f"{row.recent:.1%} of the last 10 s, {row.run:.1%} of the run{why}"

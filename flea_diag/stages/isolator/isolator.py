@@ -28,10 +28,12 @@ from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.stages.merge import Merge
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
+    STREAM,
     ChannelTable,
     DataQuality,
     Detection,
     FeatureValue,
+    Quality,
     Record,
     Remark,
     Residual,
@@ -70,7 +72,7 @@ class IsolatorStage:
         self._merge = merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )
-        self._stand = stand = StandStatus(knowledge.calibration.counts)
+        self._stand = stand = StandStatus(knowledge.calibration.counts, self._residuals)
         self._vibration = VibrationWatch(knowledge.features.nominal)
         self._motion = motion = MotionHistory(
             knowledge.calibration.parameters.encoder_m_per_rad,
@@ -191,6 +193,8 @@ class IsolatorStage:
         return [q for q in QUADRANTS if q in visited] or QUADRANTS
 
     def _data_quality(self, record: DataQuality) -> Records:
+        if any(r.channel == STREAM and r.quality is Quality.STALE for r in record.channels):
+            return ()  # a node's word that the source has stopped: no scan has told it
         if self._stand.take(record):
             self._output.forget()
         return self._output.say_with_quality(record.stamp_ns)

@@ -124,9 +124,14 @@ class OutcomeRules:
             return Outcome.DATA_UNUSABLE, DRIVER_DEAD if bad else STARVING
         if bad:
             return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} unusable; the other channels are valid"
+        lost = stand.unjudged.nothing_left(self._residuals.relations, self._residuals.friction)
+        if lost:
+            return Outcome.DATA_UNUSABLE, f"not judged in the last 10 s: {lost}"
         resting = rested(stamp_ns, stand.moved_ns, self._rest_ns)
         if not stand.seen_moving or resting:
             return Outcome.NOT_OBSERVABLE, AT_REST
         if stand.outside is not None:
             return Outcome.NOT_OBSERVABLE, f"outside the calibration: {stand.outside.reason}"
-        return Outcome.NOMINAL, NO_DEVIATION
+        unjudged = stand.unjudged.words()
+        limits = f" in what was judged; not judged in the last 10 s: {unjudged}"
+        return Outcome.NOMINAL, NO_DEVIATION + (limits if unjudged else "")

@@ -46,7 +46,9 @@ class IsolatorOutput:
         number = episode.shared.number if episode is not None else 0
         names = episode.names() if episode is not None else ()
         stand = self._stand
-        conditions = stand.contact, stand.outside, stand.beyond, stand.accepted
+        # An episode says by its evidence what it rests on.
+        unjudged = stand.unjudged.names if episode is None else ()
+        conditions = stand.contact, stand.outside, stand.beyond, stand.accepted, unjudged
         state = (outcome, number, names, stand.bad, *conditions)
         if state == self._said:
             return ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.errors import shown
+from flea_diag.stages.judgement.unjudged import Unjudged
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,
@@ -51,6 +52,7 @@ class StandStatus:
     """State of the stand, kept from scan to scan."""
 
     counts: ScanCounts
+    residuals: ResidualSet
     axes: tuple[str, ...] = ()
     deaf: str = ""
     """Why no accelerometer is judged; empty: one is, or there is none."""
@@ -60,6 +62,8 @@ class StandStatus:
     """The row of data quality while the actuator is at an end of its travel."""
     outside: ChannelQuality | None = None
     """The row of data quality while the motion is outside what the calibration has seen."""
+    unjudged: Unjudged = field(default_factory=Unjudged)
+    """What had next to nothing to judge."""
     other_unit: ChannelQuality | None = None
     """The row of data quality of a unit that is none of the calibration's."""
     decision: Remark | None = None
@@ -134,6 +138,7 @@ class StandStatus:
         self.contact = _condition(quality, END_OF_TRAVEL)
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
+        self.unjudged = Unjudged.of(quality, self.residuals)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0

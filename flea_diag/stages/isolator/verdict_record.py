@@ -14,6 +14,7 @@ from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
+from flea_diag.stages.judgement.fault_tests import tests_of_faults
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -53,6 +54,9 @@ class VerdictRecord:
         self._without_relation = without_relation(faults, self._models, calibration)
         silent = undetectable(faults, self._models, calibration, symptoms)
         self._undetectable = tuple((name, UNDETECTABLE) for name in silent)
+        self._tests = tests_of_faults(
+            faults, self._models, calibration, knowledge.effects.residuals
+        )
         promise = knowledge.calibration.promise
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
@@ -109,7 +113,7 @@ class VerdictRecord:
             words=words,
             calibration_sha256=self._k.calibration_sha256,
             source=self._source,
-            not_observable=self._not_observable(stand),
+            not_observable=self._not_observable(stand) + self._not_looked_for(stand),
             features_available=self._features_available(stand),
             offsets=stand.offsets,
             counters=stand.counters,
@@ -127,6 +131,12 @@ class VerdictRecord:
         if outcome is not Outcome.INDISTINGUISHABLE:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
+
+    def _not_looked_for(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
+        """Faults that this stand can show, but whose tests had nothing to judge."""
+        never = {fault for fault, _ in self._not_observable(stand)}
+        found = stand.unjudged.faults(self._tests)
+        return tuple((fault, why) for fault, why in found if fault not in never)
 
     def _not_observable(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""

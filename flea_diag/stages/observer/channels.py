@@ -64,7 +64,7 @@ class Channels:
         self._layout: tuple[str, ...] = ()
         self._from = self._to = np.empty(0, dtype=int)
         self._said: tuple[str, ...] = ()
-        self._steady_scans = 0
+        self._steady_scans, self._steady_ns = 0, 0
         self._stale = StaleRows(self._width)
         self._look()
 
@@ -127,6 +127,7 @@ class Channels:
         believed = np.count_nonzero(trusted) == len(trusted)
         if believed and self._said and steady is None:
             self._steady_scans += len(rows)
+            self._steady_ns = int(stamps_ns[-1])
             return len(rows)
         self._count()
         as_before: Flags = np.ones(self._width, dtype=bool)
@@ -137,7 +138,7 @@ class Channels:
         first = len(rows) if self._said else 0
         for column, monitor in self._monitors.items():
             if as_before[column]:
-                monitor.pass_over(len(rows))
+                monitor.pass_over(len(rows), int(stamps_ns[-1]))
             else:
                 doubted = trusted if column == self._voltage else np.ones_like(trusted)
                 first = min(first, self._step(monitor, stamps_ns, rows[:, column], doubted))
@@ -165,7 +166,7 @@ class Channels:
         """Add the scans counted together to the monitors."""
         if self._steady_scans:
             for monitor in self._monitors.values():
-                monitor.pass_over(self._steady_scans)
+                monitor.pass_over(self._steady_scans, self._steady_ns)
             self._steady_scans = 0
 
     def _look(self) -> None:
@@ -197,6 +198,7 @@ class Channels:
                 m.state.since_ns,
                 (alone if m.silent else "") + m.state.reason,
                 (*m.counters.items(), ("stuck", stuck.get(m.channel, 0))),
+                m.read_ns,
             )
             for m in self._monitors.values()
         )

@@ -135,15 +135,23 @@ class ObserverStage:
         residuals = self._records.block(block, output).records()
         return (self._quality(stamp_ns), *residuals, closed)
 
+    def report(self) -> DataQuality | None:
+        """How readings and judgement stand after the last scan; None before the first."""
+        order = self._chain.order
+        return None if order.last_ns is None else self._state(order.last_ns, order.state())
+
     def _quality(self, stamp_ns: int) -> DataQuality:
-        """Report state and counters of the stream and of every channel."""
+        """Say state and counters of the stream and of every channel."""
+        self._chain.stream.ledger.unsaid = False
+        return self._state(stamp_ns, self._chain.order.say(stamp_ns))
+
+    def _state(self, stamp_ns: int, stream: ChannelQuality) -> DataQuality:
         chain = self._chain
-        stream = chain.order.say(stamp_ns)
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
         channels = chain.channels.states(chain.stream.stuck)
         rows = (stream, *channels, *self._deaf, *chain.stream.states())
-        return DataQuality(stamp_ns, rows, chain.stream.offsets)
+        return DataQuality(stamp_ns, rows, chain.stream.offsets, chain.stream.ledger.report())
 
     def _unheard(self, table: ChannelTable) -> tuple[ChannelQuality, ...]:
         """The row of accelerometers that no nominal range can judge."""
@@ -154,9 +162,9 @@ class ObserverStage:
         return (ChannelQuality(VIBRATION, Quality.ABSENT, 0, words),) if words else ()
 
     def finish(self) -> tuple[Record, ...]:
-        """The input has ended: report counters that have changed."""
+        """The input has ended: report counters and shares that have changed."""
         order = self._chain.order
-        if not order.unsaid or order.last_ns is None:
+        if order.last_ns is None or not (order.unsaid or self._chain.stream.ledger.unsaid):
             return ()
         return (self._quality(order.last_ns),)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 
@@ -16,7 +17,7 @@ class ResidualRecords:
     def __init__(
         self, known: ResidualSet, calibration: Calibration, regressor_names: tuple[str, ...]
     ) -> None:
-        tested = [row.name for row in known.rows if _is_tested(row, calibration)]
+        tested = tested_names(known, calibration)
         self._columns = np.array(known.columns(tested), dtype=int)
         self._regressor_names = regressor_names
         self._names = tuple(tested)
@@ -34,10 +35,3 @@ class ResidualRecords:
             output.regressors,
             *output.estimate,
         )
-
-
-def _is_tested(row: ResidualRow, calibration: Calibration) -> bool:
-    """Whether this stand has limits for a residual."""
-    if row.gate == "sensor":
-        return any(limit.has(row.name) for limit in calibration.sensors)
-    return calibration.limit(row.name) is not None

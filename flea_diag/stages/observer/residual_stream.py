@@ -18,6 +18,8 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.sensors.reading_jump import ReadingJumps
+from flea_diag.stages.judgement.ledger import JudgementLedger
+from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.lost_scans import LostScans
 from flea_diag.stages.observer.regressor_table import RegressorTable
@@ -46,7 +48,8 @@ Stamps = npt.NDArray[np.int64]
 class StreamOutput:
     """Residuals, test results, regressors, voltage trust and estimates of n scans.
 
-    ``turn``: the first scan with which a condition begins or ends, or n; later ones do not count.
+    ``turn``: the first scan with which a condition begins or ends, or a test is no longer judged,
+    or n; later ones do not count.
     """
 
     residuals: ResidualRows
@@ -102,6 +105,7 @@ class ResidualStream:
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._unit: tuple[ChannelQuality, ...] = ()
         self._period_ns = round(c.period_s * 1e9)
+        self.ledger = JudgementLedger(known, tested_names(known, c), c.channels, c.counts)
         self.begun = False
         """Whether it has had its first scan."""
         self._last_ns = NEVER_NS
@@ -109,6 +113,7 @@ class ResidualStream:
     def begin(self, stamp_ns: int) -> None:
         """The first scan is that of this stamp."""
         self.begun, self._last_ns = True, stamp_ns
+        self.ledger.begin(stamp_ns)
         if self._warm_up is not None:
             self._warm_up.begin(stamp_ns)
 
@@ -168,6 +173,7 @@ class ResidualStream:
         given, (rows, sensors) = rows, self._sensors.step(before_ns, stamps_ns, rows)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0:
+            self.ledger.lose(lost)
             self._fill(before_ns, lost, rows[0], frozen)
         self._lost.remember(rows)
         self._voltage.withhold(given, rows)
@@ -218,6 +224,10 @@ class ResidualStream:
         place = self.envelope.place if self.envelope is not None else ANYWHERE
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone, place)
         results.void = void
+        if read:
+            outside = self.envelope is not None and bool(self.envelope.outside)
+            told = self.ledger.take(stamps_ns, rows, residuals, results.z, void, outside)
+            turn = min(turn, told)
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
 
     def _alone(self, residuals: ResidualRows) -> Flags | None:
@@ -238,8 +248,9 @@ class ResidualStream:
 
     @property
     def told(self) -> bool:
-        """Whether the last scan has changed what is reported of conditions."""
-        return self.conditions.told or (self.envelope is not None and self.envelope.turned)
+        """Whether the last scan has changed what is reported of conditions or of judgement."""
+        placed = self.envelope is not None and self.envelope.turned
+        return self.conditions.told or placed or self.ledger.turned
 
     def states(self) -> tuple[ChannelQuality, ...]:
         """Rows of DataQuality for conditions: contact, and a place outside the calibration."""

@@ -12,7 +12,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import STARVING, STREAM, ChannelQuality, Quality
+from flea_diag.wire.records import NEVER_NS, STARVING, STREAM, ChannelQuality, Quality
 
 Stamps = npt.NDArray[np.int64]
 
@@ -180,4 +180,5 @@ class StreamOrder:
         quality = Quality.GOOD
         if self.starved:
             quality, words = Quality.BAD, f"{STARVING}; {words}"
-        return ChannelQuality(STREAM, quality, self.first_ns or 0, words, counted)
+        last_ns = NEVER_NS if self.last_ns is None else self.last_ns
+        return ChannelQuality(STREAM, quality, self.first_ns or 0, words, counted, last_ns)

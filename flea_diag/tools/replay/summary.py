@@ -66,6 +66,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         "false_alarms_per_hour": _promise(last),
         "features_computed": _features(known),
         "data_quality": _data_quality(known, start_ns),
+        "judged": _judged(known),
         "digest": digest(known),
         "decision_digest": decision_digest(known),
         "scans": len(scans),
@@ -186,7 +187,24 @@ def _data_quality(records: Sequence[Record], start_ns: int) -> dict[str, Any]:
             for row in record.channels:
                 known = channels.setdefault(row.channel, {"quality": None, "stretches": []})
                 _note(known, row, _seconds(row.since_ns, start_ns))
+                known["last_reading_s"] = _seconds(row.read_ns, start_ns)
     return channels
+
+
+def _judged(records: Sequence[Record]) -> list[dict[str, Any]]:
+    """Share of the scans that each test has judged: of the last 10 s and of the run."""
+    last = next((r for r in reversed(records) if isinstance(r, DataQuality) and r.judged), None)
+    rows = last.judged if last else ()
+    return [
+        {
+            "test": row.residual,
+            "last_10_s": row.recent,
+            "run": row.run,
+            "judged": row.judged,
+            "why": row.why or None,
+        }
+        for row in rows
+    ]
 
 
 def _note(known: dict[str, Any], row: ChannelQuality, since_s: float | None) -> None:

@@ -44,6 +44,7 @@ _TEXT: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
     r.Outcome: (lambda value: str(value.value), r.Outcome),
     r.Quality: (lambda value: str(value.value), r.Quality),
     r.RemarkKind: (lambda value: str(value.value), r.RemarkKind),
+    r.Cause: (lambda value: str(value.value), r.Cause),
 }
 """Type of a field -> its writer and its reader."""
 
@@ -54,6 +55,7 @@ _EXPECTED: dict[Any, str] = {
     r.Outcome: "outcome",
     r.Quality: "quality",
     r.RemarkKind: "kind of remark",
+    r.Cause: "cause",
 }
 """Type of a field -> its name in an error."""
 
@@ -68,6 +70,7 @@ _OBJECTS: dict[Any, Any] = {
     tuple[r.Evidence, ...]: r.Evidence,
     tuple[r.NextTest, ...]: r.NextTest,
     tuple[r.UnitOffset, ...]: r.UnitOffset,
+    tuple[r.Judged, ...]: r.Judged,
 }
 """Fields that become numbered objects -> class of an object."""
 

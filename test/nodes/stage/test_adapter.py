@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TypeGuard
 
@@ -186,6 +187,28 @@ def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
     assert values["sensors/slow/refused"] == "1"
     assert float(values["memory_mb"]) > 5
     assert float(values["cpu_percent"]) >= 0
+
+
+def test_rows_age_and_are_stale_within_a_second_of_a_silent_source(stand: Stand) -> None:
+    peer = stand.peer
+    peer.listen(DataQuality)
+    stand.scan(1.0)
+    sound = peer.find(lambda r: isinstance(r, DataQuality))
+    assert sound.channels[0].quality is Quality.GOOD
+    assert sound.channels[0].read_ns == stand.stamp_ns
+
+    def is_of(record: Record, quality: Quality) -> TypeGuard[DataQuality]:
+        return isinstance(record, DataQuality) and record.channels[0].quality is quality
+
+    stale = peer.find(lambda r: is_of(r, Quality.STALE), limit_s=3.0)
+    words = re.fullmatch(
+        r"the source has stopped, last reading (\d+\.\d) s ago", stale.channels[0].reason
+    )
+    assert words
+    assert 0.5 < float(words[1]) < 1.5
+    peer.records.clear()
+    stand.scan(1.0)
+    peer.find(lambda r: is_of(r, Quality.GOOD))
 
 
 def test_what_cannot_be_used_is_in_data_quality_by_its_kind(stand: Stand) -> None:

@@ -8,10 +8,12 @@ from support.verdicts import LAST, NOMINAL, START, group
 
 from flea_diag.nodes.stage.stand_diagnostics import mirrored, serial_of
 from flea_diag.wire.records import (
+    Cause,
     ChannelInfo,
     ChannelQuality,
     ChannelTable,
     DataQuality,
+    Judged,
     Level,
     Outcome,
     Quality,
@@ -60,3 +62,18 @@ def test_channels_are_as_bad_as_the_worst() -> None:
     status = mirrored(DataQuality(START, rows), "observer", START)
     assert (status.node, status.level) == ("observer: channels", Level.WARN)
     assert dict(status.values) == {"motor_current": "good", "motor_voltage": "bad: stuck at -24 V"}
+
+
+def test_channels_with_the_age_of_their_readings_and_the_ledger() -> None:
+    rows = (
+        ChannelQuality("sensors/slow", Quality.GOOD, START, "", (), START + 3_000_000_000),
+        ChannelQuality("motor_current", Quality.GOOD, START, "", (), START + 1_500_000_000),
+    )
+    judged = (Judged("parity", 0.25, 0.5, False, Cause.MISSING, "load_force lacks all"),)
+    status = mirrored(DataQuality(START, rows, (), judged), "observer", START)
+    assert (status.level, status.message) == (Level.WARN, "parity not judged")
+    assert dict(status.values) == {
+        "sensors/slow": "good, last reading 0.0 s ago",
+        "motor_current": "good, last reading 1.5 s ago",
+        "judged/parity": "25.0% of the last 10 s, 50.0% of the run: load_force lacks all",
+    }

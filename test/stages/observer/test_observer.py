@@ -18,7 +18,8 @@ def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
     assert decisions(out) == []
     residuals = stands.of(Residual, out)
     assert [r.stamp_ns for r in residuals] == [s.stamp_ns for s in healthy()]
-    assert len(out) == len(residuals) + 2  # the first quality, and the offsets once learned
+    # The first quality, the offsets once learned, and at the end what was judged.
+    assert len(out) == len(residuals) + 3
     last = residuals[-1]
     assert len(last.names) == len(last.values) == len(last.z) == len(last.thresholds)
     assert len(last.regressor_names) == len(last.regressors)

@@ -62,7 +62,7 @@ class ToyStage:
         if outcome == self._outcome:
             return (residual,)
         self._outcome = outcome
-        sound = ChannelQuality("motor_current", Quality.GOOD, 1, "")
+        sound = ChannelQuality("motor_current", Quality.GOOD, 1, "", (), record.stamp_ns)
         quality = DataQuality(record.stamp_ns, (sound,))
         return (quality, residual, self._group(record.stamp_ns, outcome))
 

@@ -88,6 +88,7 @@ def test_a_quiet_run() -> None:
         "false_alarms_per_hour": {"stated": 0.1, "supported": 12.0},
         "features_computed": [],
         "data_quality": {},
+        "judged": [],
         "digest": digest(records),
         "decision_digest": decision_digest(records),
         "scans": 2,
@@ -162,6 +163,7 @@ def test_every_bad_stretch_of_a_channel_is_told() -> None:
         "quality": "saturated",
         "reason": "at its limit",
         "counters": {"samples": 7},
+        "last_reading_s": None,
         "stretches": [
             {"quality": "bad", "reason": "disagrees", "from_s": 4.5, "to_s": 8.5},
             {"quality": "saturated", "reason": "at its limit", "from_s": 12.0, "to_s": None},

@@ -28,6 +28,7 @@ VALUES = {
     r.Quality: st.sampled_from(r.Quality),
     r.RemarkKind: st.sampled_from(r.RemarkKind),
     r.Level: st.sampled_from(r.Level),
+    r.Cause: st.sampled_from(r.Cause),
     tuple[str, ...]: st.lists(TEXT, max_size=4).map(tuple),
     tuple[tuple[str, str], ...]: st.lists(st.tuples(TEXT, TEXT), max_size=3).map(tuple),
     tuple[tuple[str, int], ...]: st.lists(

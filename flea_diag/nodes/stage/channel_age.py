@@ -1,0 +1,35 @@
+"""Age of the last reading of each channel, and rows of data quality whose source has stopped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flea_diag.wire.records import NEVER_NS, STREAM, ChannelQuality, DataQuality, Quality
+
+
+def age_s(row: ChannelQuality, quality: DataQuality, silent_s: float) -> float | None:
+    """Time since the last reading of a row; None where it has had none, or is no channel.
+
+    Counted by stamps up to the last scan and by the clock of this node since then: the clock of
+    the stand may be another one.
+    """
+    if row.read_ns == NEVER_NS:
+        return None
+    last_ns = next((r.read_ns for r in quality.channels if r.channel == STREAM), quality.stamp_ns)
+    return max(0.0, (last_ns - row.read_ns) / 1e9) + silent_s
+
+
+def stopped(quality: DataQuality, silent_s: float) -> DataQuality:
+    """The same once its source has stopped: whatever had a reading is stale, with its age."""
+    return replace(
+        quality, channels=tuple(_stopped(r, quality, silent_s) for r in quality.channels)
+    )
+
+
+def _stopped(row: ChannelQuality, quality: DataQuality, silent_s: float) -> ChannelQuality:
+    age = age_s(row, quality, silent_s)
+    if age is None or row.quality is Quality.ABSENT:
+        return row
+    before = f"; before that {row.quality.value}: {row.reason}" if row.reason else ""
+    words = f"the source has stopped, last reading {age:.1f} s ago{before}"
+    return replace(row, quality=Quality.STALE, reason=words)

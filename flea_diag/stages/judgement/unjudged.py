@@ -1,0 +1,69 @@
+"""What had next to nothing to judge, in words, and the faults that therefore were not looked for.
+
+Only where the readings are to blame: that a stop voids a relation, or that the motion is outside
+the calibration, is said by their own rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.wire.records import DataQuality
+
+MOST_GROUPS = 3
+"""Most causes that the words of a verdict name."""
+
+
+@dataclass(frozen=True)
+class Unjudged:
+    """Relation or test of a sensor -> why it was not judged in the last 10 s."""
+
+    why: Mapping[str, str] = field(default_factory=dict)
+    judged: frozenset[str] = frozenset()
+    """Those that were."""
+
+    @classmethod
+    def of(cls, quality: DataQuality, known: ResidualSet) -> Unjudged:
+        """From the ledger of the observer; a relation is judged where any form of it is."""
+        judged = frozenset(known.relation(row.residual) for row in quality.judged if row.judged)
+        low = (row for row in quality.judged if not row.judged and row.cause.is_of_the_data)
+        why = {known.relation(row.residual): row.why for row in low}
+        return cls({name: words for name, words in why.items() if name not in judged}, judged)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was not judged."""
+        return tuple(self.why)
+
+    def nothing_left(self, relations: tuple[str, ...], friction: str) -> str:
+        """Why neither motor nor screw are judged; empty: they are.
+
+        ``relations`` are those of the stand, ``friction`` the one that they show in.
+        """
+        lost = [name for name in (friction,) if name in self.why]
+        if not lost and relations and all(name in self.why for name in relations):
+            lost = list(relations)
+        return self._grouped(lost)
+
+    def words(self) -> str:
+        """All of it, by cause; empty: everything was judged."""
+        return self._grouped(list(self.why))
+
+    def _grouped(self, names: list[str]) -> str:
+        groups: dict[str, list[str]] = {}
+        for name in names:
+            groups.setdefault(self.why[name], []).append(name)
+        said = [f"{', '.join(group)} ({why})" for why, group in groups.items()]
+        rest = len(said) - MOST_GROUPS
+        more = [f"{rest} more"] if rest > 0 else []
+        return ", ".join((*said[:MOST_GROUPS], *more))
+
+    def faults(self, tests: Mapping[str, frozenset[str]]) -> tuple[tuple[str, str], ...]:
+        """Faults of which no test was judged, each with the first reason; ``tests`` of each."""
+        return tuple(
+            (fault, f"not looked for in the last 10 s: {self._grouped(sorted(of_it))}")
+            for fault, of_it in tests.items()
+            if of_it <= self.why.keys()
+        )
