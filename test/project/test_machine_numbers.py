@@ -65,6 +65,7 @@ GENERAL: dict[Row, str] = {
     ("isolator/fault_episode.py", "CONCLUSIVE_S", 0.5): "least evidence",
     ("isolator/motion_history.py", "VISITED_S", 4.0): "the longest window",
     ("isolator/stand_status.py", "SEEN_MOVING_S", 0.5): "least evidence",
+    ("judgement/ledger.py", "LEAST_S", 3.0): "least evidence",
     ("isolator/verdict_record.py", "LATE_S", 2.0): "what an operator is told",
     ("likelihood_ratio/onset_bank.py", "MEMORY_S", 60.0): "a unit warms up",
     ("likelihood_ratio/residual_window.py", "WINDOW_S", 0.2): "the shortest delay that matters",
