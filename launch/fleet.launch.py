@@ -28,13 +28,13 @@ ARGUMENTS = (
 
 
 def nodes(context):
-    given = BESIDE["values"](context, ARGUMENTS)
+    given = BESIDE["values"](context, ARGUMENTS, __file__)
     stands = _stands(given)
     if not 1 <= given["processes"] <= len(stands):
         raise RuntimeError(
             f"processes:={given['processes']} must be from 1 to {len(stands)}, the number of stands"
         )
-    started = BESIDE["Nodes"](given["namespace"])
+    started = BESIDE["Nodes"](given)
     for number in range(given["processes"]):
         part = {"stands": stands[number :: given["processes"]], "batch_ms": given["batch_ms"]}
         started.add("fleet", part, name=f"fleet_{number + 1}", restart=True)

@@ -34,11 +34,11 @@ MEMORY = {"memory": "none"}
 
 
 def nodes(context):
-    given = BESIDE["values"](context, ARGUMENTS)
+    given = BESIDE["values"](context, ARGUMENTS, __file__)
     stand = {**BESIDE["stand"](given), **TIME}
     stages = dict.fromkeys(("observer", "isolator", "extractor"), REPLAY)
     diagnosis = {"diagnoser": {**REPLAY, **MEMORY}} if given["composed"] else stages
-    started = BESIDE["Nodes"](given["namespace"])
+    started = BESIDE["Nodes"](given)
     for stage, more in diagnosis.items():
         started.add(stage, {**stand, **more})
     if given["console"]:

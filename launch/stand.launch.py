@@ -38,10 +38,10 @@ DAQ = ("scenario", "machine", "fault", "fault_onset_s", "duration_s")
 
 
 def nodes(context):
-    given = BESIDE["values"](context, ARGUMENTS)
+    given = BESIDE["values"](context, ARGUMENTS, __file__)
     stand = BESIDE["stand"](given)
     diagnosis = ("diagnoser",) if given["composed"] else ("observer", "isolator", "extractor")
-    started = BESIDE["Nodes"](given["namespace"])
+    started = BESIDE["Nodes"](given)
     for stage in diagnosis:
         started.add(stage, stand)
     if given["record"]:
@@ -56,7 +56,14 @@ def nodes(context):
             given["machine"] = given["machine"] or os.path.basename(given["stand"])
         daq = {name: given[name] for name in DAQ}
         started.add("daq", {**daq, "wait_for": ",".join(waits)})
-    return started.actions()
+    try:
+        return started.actions()
+    except RuntimeError as refused:
+        machine, _, why = str(refused).partition(": ")
+        if not machine.startswith("machine:=") or "machine" in given["said"]:
+            raise
+        hint = "give machine:=, or simulated:=false for a real stand"
+        raise RuntimeError(f"stand:={given['stand']}: {why}; {hint}") from None
 
 
 def generate_launch_description():

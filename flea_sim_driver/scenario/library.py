@@ -9,7 +9,12 @@ import os
 from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, shown
-from flea_sim_driver.machine.library import DEFAULT_MACHINE, SUFFIXES, config_folders
+from flea_sim_driver.machine.library import (
+    DEFAULT_MACHINE,
+    SUFFIXES,
+    config_folders,
+    find_machine,
+)
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import load_scenario
 
@@ -56,6 +61,8 @@ def find_scenario(name_or_path: str, machine: str = "") -> Scenario:
             return load_scenario(candidate, machine)
     if path.is_file():
         return load_scenario(path, machine)
+    if machine:
+        find_machine(machine)  # without the machine no scenario is to blame
     named = ", ".join(scenario_names(machine)) or "the installed ones (none found)"
     raise ConfigurationError(
         f"scenario {shown(name_or_path)} is neither a YAML file nor one of {named}"

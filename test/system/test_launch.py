@@ -11,6 +11,7 @@ import os
 import runpy
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from support.decisions import BAGS
 from support.live import ROOT, Peer, Process, children
 from support.prefix import launched, source_prefix
 
+from flea_diag.wire.bus.stand_bus import StandBus
 from flea_diag.wire.parameters import descriptors
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 
@@ -34,12 +36,15 @@ def prefix(tmp_path: Path) -> str:
 
 def executables(pid: int) -> dict[str, int]:
     """Nodes that a launch has started: name -> process id."""
-    found = {}
+    return dict(executables_of(pid))
+
+
+def executables_of(pid: int) -> Iterator[tuple[str, int]]:
+    """The same where a name may occur twice."""
     for child in children(pid):
         words = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
         if "flea_diag.nodes.main" in words:
-            found[words[words.index("flea_diag.nodes.main") + 1]] = child
-    return found
+            yield words[words.index("flea_diag.nodes.main") + 1], child
 
 
 def gone(pid: int) -> bool:
@@ -62,6 +67,16 @@ def gone(pid: int) -> bool:
         ("stand.launch.py", ["duration_s:=nan"], ["duration_s:=nan", "not a finite number"]),
         ("stand.launch.py", ["duration_s:=-1"], ["duration_s = -1.0 s", "below its limit"]),
         ("stand.launch.py", ["record:=maybe"], ["record:=maybe", "true or false"]),
+        ("stand.launch.py", ["sceanrio:=jam"], ["sceanrio:=jam", "did you mean scenario?"]),
+        ("stand.launch.py", ["machine:=no"], ["machine:=no: machine 'no' is neither", "joint"]),
+        (
+            "stand.launch.py",
+            ["stand:=cranfield"],
+            ["stand:=cranfield: machine", "simulated:=false"],
+        ),
+        ("stand.launch.py", ["on_failure:=no"], ["on_failure:=no", "stand, launch, restart"]),
+        ("stand.launch.py", ["log_level:=loud"], ["log_level:=loud", "debug, info"]),
+        ("stand.launch.py", ["params_file:=no.yaml"], ["params_file:=no.yaml: no such file"]),
         ("stand.launch.py", ["bag:={here}"], ["bag:={here}", "exists", "name a new bag"]),
         ("replay.launch.py", [], ["missing required argument 'bag'"]),
         ("replay.launch.py", ["bag:=nobag"], ["bag:=nobag", "does not exist"]),
@@ -130,6 +145,66 @@ def test_a_node_that_fails_ends_the_launch_with_status_1(domain: int, prefix: st
     assert all(map(gone, started.values()))
 
 
+ROBOT = """
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+
+def arm(name, **more):
+    given = {{"namespace": name, "record": "false", "bag": "", **more}}
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource({file!r}), launch_arguments=given.items()
+    )
+
+
+def generate_launch_description():
+    return LaunchDescription([arm("left"), arm("right", console="false")])
+"""
+
+
+def test_in_a_larger_launch_a_stand_that_fails_ends_alone_and_a_viewer_is_started_again(
+    domain: int, prefix: str, tmp_path: Path
+) -> None:
+    """The file of the robot has an argument that no stand knows, and a node's parameters."""
+    robot, file = tmp_path / "robot.launch.py", ROOT / "launch" / "stand.launch.py"
+    robot.write_text(ROBOT.format(file=str(file)), encoding="utf-8")
+    parameters = tmp_path / "parameters.yaml"
+    parameters.write_text("/left/daq: {ros__parameters: {seed: 77}}", encoding="utf-8")
+    command = launched(str(robot), "robot:=r2", f"params_file:={parameters}", "log_level:=warn")
+    with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process, Peer(domain) as peer:
+        seen: dict[str, AmbiguityGroup] = {}
+        for name in ("left", "right"):
+            bus = StandBus(peer.bus, name)
+            bus.subscribe(AmbiguityGroup, lambda record, name=name: seen.update({name: record}))
+        peer.until(lambda: len(seen) == 2, LIMIT_S)
+        (console,) = (pid for name, pid in started(process) if name == "console")
+        os.kill(console, signal.SIGKILL)
+        process.wait_for("console ended with status -9 and is started again", LIMIT_S)
+        peer.until(lambda: "console" in dict(started(process)), LIMIT_S)
+        left = next(pid for name, pid in started(process) if named(pid, "left", "diagnoser"))
+        os.kill(left, signal.SIGKILL)
+        process.wait_for("diagnoser ended with status -9, which ends the nodes", LIMIT_S)
+        peer.until(lambda: not any(named(pid, "left") for _, pid in started(process)), LIMIT_S)
+        before = seen["right"].seq
+        peer.until(lambda: seen["right"].seq > before + 1 and not seen["right"].stale, LIMIT_S)
+        assert {name for name, _ in started(process)} == {"diagnoser", "daq"}
+        assert process.signal(signal.SIGINT) == 0
+    assert "seed 77" not in process.output  # below the level that was asked for
+    assert "listening to" not in process.output
+
+
+def started(process: Process) -> list[tuple[str, int]]:
+    """Name of the executable and process id of each node that a launch has running."""
+    return list(executables_of(process.child.pid))
+
+
+def named(pid: int, *words: str) -> bool:
+    """Whether the command line of a process holds these words."""
+    line = Path(f"/proc/{pid}/cmdline").read_bytes().decode()
+    return all(word in line for word in words)
+
+
 def test_ctrl_c_ends_all_nodes_with_status_0(domain: int, prefix: str) -> None:
     command = launched("stand.launch.py", "record:=false", "namespace:=stand_2")
     with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
@@ -159,7 +234,6 @@ def test_every_argument_is_explained_and_used(stood_in: Any, name: str) -> None:
     described = stood_in["description_of"](ROOT / "launch" / name)
     declared = [each for each in described.entities if hasattr(each, "default_value")]
     arguments = runpy.run_path(str(ROOT / "launch" / name))["ARGUMENTS"]
-    assert [each.name for each in declared] == [row[0] for row in arguments]
     assert all(each.description for each in declared)
     words = {
         node.value
@@ -167,6 +241,8 @@ def test_every_argument_is_explained_and_used(stood_in: Any, name: str) -> None:
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
     assert {row[0] for row in arguments} <= words
+    common = runpy.run_path(str(ROOT / "launch" / "checked.py"))["COMMON"]
+    assert [each.name for each in declared] == [row[0] for row in (*arguments, *common)]
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
@@ -182,7 +258,7 @@ def test_nodes_and_parameters_exist(stood_in: Any, name: str, composed: str) -> 
         context.launch_configurations[each.name] = each.default_value or ""
     context.launch_configurations["composed"] = composed
     context.launch_configurations["bag"] = str(BAGS / "jam") if "replay" in name else ""
-    nodes = described.entities[-1].function(context)
+    *nodes, _ = described.entities[-1].function(context)
     assert len(nodes) >= 3
     for node in nodes:
         assert node.package == "flea_diag"
