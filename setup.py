@@ -51,6 +51,9 @@ EXTRAS = {
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "parquet": ["pyarrow>=15"],
+    "excel": ["openpyxl>=3.1"],
+    "hdf5": ["h5py>=3.10"],
+    "ulog": ["pyulog>=1.0"],
     # Data frames and datasets of the Python interface.
     "frames": ["pandas>=2.2", "xarray>=2024.1"],
     # Bags at https://; s3:// needs s3fs besides, others what fsspec asks for.

@@ -64,6 +64,7 @@ class _ChannelRow(_PlaceTerm):
     rate_hz: Annotated[float, within(maximum=1e6, above=0.0)] = math.nan
     resample: Annotated[str, one_of(*RESAMPLINGS)] = RESAMPLINGS[0]
     age_s: float = math.nan
+    turn: Annotated[float, within(0.0, 1e9)] = 0.0
     serial: str = ""
     mount: str = ""
     sampling: str = "mean"
@@ -185,6 +186,7 @@ def _channel(
         row.mount,
         row.sampling,
         row.note,
+        row.turn,
     )
 
 
@@ -282,9 +284,9 @@ def _moment_ns(text: str, where: str) -> int:
         moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
         moment = None
-    if moment is None or not 1970 < moment.year < 2200:
+    if moment is None or not 1899 <= moment.year < 2200:
         raise ConfigurationError(
-            f"{where} = {shown(text)} is no date and time of 1971 to 2199; write it like "
+            f"{where} = {shown(text)} is no date and time of 1899 to 2199; write it like "
             "'2017-05-01T10:00:00Z', in quotes"
         )
     if moment.tzinfo is None:

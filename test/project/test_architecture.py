@@ -29,7 +29,7 @@ ROS = (
     "launch",
 )  # fmt: skip
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
-TABLES = ("pyarrow",)
+TABLES = ("pyarrow", "openpyxl", "h5py", "pyulog")
 PAGES = ("jinja2", "markupsafe")
 BATCH = ("tqdm", "distributed", "fsspec", "argcomplete")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
@@ -222,9 +222,11 @@ ARROWS = {
         "bags": (),
         "stand": (),
         "model": (),
-        "recordings": (),
-        "stand_check": ("recordings",),
-        "stand_folder": ("recordings", "stand_check"),
+        "tables": (),
+        "recordings": ("tables",),
+        "series": ("recordings", "tables"),
+        "stand_check": ("recordings", "tables"),
+        "stand_folder": ("recordings", "series", "stand_check", "tables"),
         "calibrate": (),
         "features": (),
         "replay": (),

@@ -48,6 +48,8 @@ CONVERTED: dict[str, tuple[str, float, float]] = {
     "us": ("s", 1e-6, 0.0),
     "ns": ("s", 1e-9, 0.0),
     "min": ("s", 60.0, 0.0),
+    "h": ("s", 3600.0, 0.0),
+    "d": ("s", 86400.0, 0.0),
 }
 """Unit -> SI unit, and factor and offset that lead to it. A temperature in K is one in degC, not a
 difference of two."""

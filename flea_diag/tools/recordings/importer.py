@@ -152,7 +152,7 @@ def _imports(
     if mapping is None:
         yield import_run(file, output, force, serial)
         return
-    from flea_diag.tools.recordings.mapped_recording import mapped_recordings
+    from flea_diag.tools.recordings.mapped_source import mapped_recordings
 
     # All of them, so that nothing is written of a file that is refused.
     for recording in list(mapped_recordings(file, mapping)):

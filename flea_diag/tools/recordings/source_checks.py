@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,10 @@ FOR_A_UNIT = 0.25
 """Share of the readings outside their range from which on another unit is proposed."""
 MOST_DRIFT = 0.05
 """Deviation of a rate from the declared one."""
+MOST_CLIPPED = 0.25
+"""Share of the readings outside their range from which on the range is wrong."""
+MOST_FASTER = 0.02
+"""Step between readings, in declared steps, below which the unit of the time is wrong."""
 PIECE_S = 5.0
 """Length over which a rate is measured."""
 MOST_NAMED = 3
@@ -27,8 +32,13 @@ FEWEST = 10
 """Readings without which a rate is not measured."""
 
 
-def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> None:
-    """Refuse a channel of which more than ``MOST_OUTSIDE`` lies outside its declared range.
+def clipped_to_ranges(
+    where: str, mapping: SourceMapping, scans: Sequence[Scan]
+) -> tuple[tuple[Scan, ...], tuple[str, ...]]:
+    """Scans with every reading inside its declared range, and what was clipped, a line each.
+
+    A fault may drive a reading beyond what was declared. A channel that lies outside for most of
+    the time, or inside in another unit, is one whose mapping is wrong.
 
     Raises
     ------
@@ -36,6 +46,7 @@ def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> N
         Names the channel, a value, the range, and the unit that would fit.
     """
     values = np.array([scan.values for scan in scans])
+    notes = []
     for column, row in enumerate(mapping.channels):
         read = values[:, column][np.isfinite(values[:, column])]
         if not len(read):
@@ -44,21 +55,29 @@ def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> N
                 f"channel out of {mapping.where}, or raise its age_s ({row.age_s:g} s)"
             )
         outside = read[(read < row.minimum) | (read > row.maximum)]
-        if len(outside) > MOST_OUTSIDE * len(read):
-            odd = outside[np.argmax(np.abs(outside))]
-            raise RecordingError(
-                f"{where}: {row.channel} reads {odd:.6g} {row.unit}, "
-                f"{len(outside) / len(read):.0%} of its readings are outside its range of "
-                f"{row.minimum:g} to {row.maximum:g} {row.unit}: {_remedy(row, read)} in "
-                f"{mapping.where}"
-            )
+        share = len(outside) / len(read)
+        if share <= MOST_OUTSIDE:
+            continue
+        odd = outside[np.argmax(np.abs(outside))]
+        words = (
+            f"{where}: {row.channel} reads {odd:.6g} {row.unit}, {share:.0%} of its readings are "
+            f"outside its range of {row.minimum:g} to {row.maximum:g} {row.unit}"
+        )
+        other = _other_unit(row, read) if share >= FOR_A_UNIT else ""
+        if other or share > MOST_CLIPPED:
+            raise RecordingError(f"{words}: {_remedy(row, other)} in {mapping.where}")
+        notes.append(f"{words}: clipped; if it can read that, widen the range in {mapping.where}")
+        values[:, column] = np.clip(values[:, column], row.minimum, row.maximum)
+    if not notes:
+        return tuple(scans), ()
+    clipped = (
+        replace(scan, values=tuple(row)) for scan, row in zip(scans, values.tolist(), strict=True)
+    )
+    return tuple(clipped), tuple(notes)
 
 
-def _remedy(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:
-    """The unit with which the readings would lie inside, if there is one."""
-    outside = (read < row.minimum) | (read > row.maximum)
-    if float(np.mean(outside)) < FOR_A_UNIT:
-        return "correct the range, sign or scale"
+def _other_unit(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:
+    """The unit with which the readings would lie inside; "" if there is none."""
     own = CONVERTED.get(row.written, (row.unit, 1.0, 0.0))
     raw = (read - own[2]) / own[1]
     fits = {
@@ -66,9 +85,12 @@ def _remedy(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:
         for unit, (si, factor, offset) in CONVERTED.items()
         if si == row.unit and unit != row.written and _lies_inside(row, factor * raw + offset)
     }
-    if fits:
-        unit = fits[max(fits)]
-        return f"its unit is {row.written}, should it be {unit}? correct unit, or range,"
+    return fits[max(fits)] if fits else ""
+
+
+def _remedy(row: ChannelMapping, other: str) -> str:
+    if other:
+        return f"its unit is {row.written}, should it be {other}? correct unit, or range,"
     return "correct unit, sign, scale or range"
 
 
@@ -82,10 +104,12 @@ def check_rate(
     mapping: SourceMapping,
     rows: Sequence[ChannelMapping] | Sequence[AxisMapping],
     stamps_ns: npt.NDArray[np.int64],
-) -> None:
-    """Refuse readings that come at another rate than declared, throughout or for a while.
+) -> str:
+    """Hold the rate of readings against the declared one; what is odd about it, or "".
 
-    Lost readings do not change the median of the intervals by which the rate is measured.
+    Stamps are true, so another rate is said and no error, unless it leaves nothing to use.
+    Accelerometers are sampled evenly, and refused otherwise. Lost readings do not change the median
+    of the intervals by which the rate is measured.
 
     Parameters
     ----------
@@ -105,13 +129,29 @@ def check_rate(
             continue
         median_s = float(np.median(np.diff(piece))) * 1e-9
         rate_hz = 1.0 / median_s if median_s > 0.0 else np.inf
-        if not abs(rate_hz - declared_hz) <= MOST_DRIFT * declared_hz:
-            at_s = (piece[0] - stamps_ns[0]) * 1e-9
+        if abs(rate_hz - declared_hz) <= MOST_DRIFT * declared_hz:
+            continue
+        at_s = (piece[0] - stamps_ns[0]) * 1e-9
+        words = (
+            f"{where}: {_names(rows)}: readings come at {rate_hz:.4g} Hz from {at_s:.4g} s on, "
+            f"declared are {declared_hz:g} Hz"
+        )
+        if mapping.axes or _is_no_use(rows[0], stamps_ns, declared_hz):
             raise RecordingError(
-                f"{where}: {_names(rows)}: readings come at {rate_hz:.4g} Hz from {at_s:.4g} s on, "
-                f"declared are {declared_hz:g} Hz within {MOST_DRIFT:.0%}: correct rate_hz in "
-                f"{mapping.where}, or the clock that stamps them"
+                f"{words} within {MOST_DRIFT:.0%}: correct rate_hz in {mapping.where}, or the "
+                "clock that stamps them"
             )
+        return f"{words}: taken by their stamps"
+    return ""
+
+
+def _is_no_use(
+    row: ChannelMapping | AxisMapping, stamps_ns: npt.NDArray[np.int64], declared_hz: float
+) -> bool:
+    """Whether most readings are too far apart to be bridged, or a unit of time must be wrong."""
+    median_s = float(np.median(np.diff(stamps_ns))) * 1e-9
+    longest_s = getattr(row, "age_s", 0.0)
+    return median_s > longest_s or median_s * declared_hz < MOST_FASTER
 
 
 def _names(rows: Sequence[ChannelMapping] | Sequence[AxisMapping]) -> str:

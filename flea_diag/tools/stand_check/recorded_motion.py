@@ -12,8 +12,8 @@ import numpy.typing as npt
 from flea_diag.configuration.channels import channel_sources
 from flea_diag.configuration.stand import Stand
 from flea_diag.errors import RecordingError
-from flea_diag.tools.recordings.mapped_recording import mapped_recordings
-from flea_diag.tools.recordings.table import suffix_of
+from flea_diag.tools.recordings.mapped_source import mapped_recordings
+from flea_diag.tools.tables.readers import suffix_of
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Scan

@@ -15,21 +15,27 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.power_balance import rate_of, smoothed
-from flea_diag.tools.stand_folder.reading_grid import SeriesSum
-from flea_diag.tools.stand_folder.series_words import (
+from flea_diag.tools.series.reading_grid import SeriesSum
+from flea_diag.tools.series.series_words import (
     COMMANDED,
     CURRENT,
+    EFFORT,
     ERROR,
     FORCE,
     POSITION,
     SPEED,
     TEMPERATURE,
+    TORQUE,
     VOLTAGE,
 )
 
 Array = npt.NDArray[np.float64]
 
 MOST_ROWS = 3000
+MOST_UNKNOWN = 10
+"""Series without a telling name among which voltage, current and load are looked for."""
+WHITE = 0.5
+"""Share of noise, without memory, in the variance from which on a series does not move."""
 SLOW_SHARE, LEAST_TEMPERATURE = 0.02, 5.0
 """Change of a temperature within a second, as a share of its reading; and its lowest reading."""
 RATE_SHARE, LIKE, LIKE_COMMAND = 0.995, 0.995, 0.95
@@ -49,9 +55,10 @@ def named_by_behaviour(sources: Sequence[SeriesSum], period_s: float) -> tuple[S
     found = _Behaviour(sources, period_s)
     if any(found.is_unknown(k) for k in range(len(sources))):
         found.temperatures()
-        found.speeds()
-        found.motor()
-        found.others()
+        if any(moves(each.values) for each in sources):
+            found.speeds()
+            found.motor()
+            found.others()
     return tuple(found.sources)
 
 
@@ -81,7 +88,7 @@ class _Behaviour:
         ]
 
     def _unknown(self) -> list[int]:
-        return [k for k in range(len(self.sources)) if self.is_unknown(k)]
+        return [k for k in range(len(self.sources)) if self.is_unknown(k)][:MOST_UNKNOWN]
 
     def _take(self, number: int, quantity: str, because: str, *qualifiers: str) -> None:
         each = self.sources[number]
@@ -94,7 +101,8 @@ class _Behaviour:
 
     def temperatures(self) -> None:
         """Positive and slow; the least noisy is that of the air, the warmest that of the motor."""
-        slow = [k for k in self._unknown() if self._is_slow(self.sources[k].values)]
+        unknown = [k for k in range(len(self.sources)) if self.is_unknown(k)]
+        slow = [k for k in unknown if self._is_slow(self.sources[k].values)]
         owners = ["motor", "nut"]
         if len(slow) > 1:
             air = min(slow, key=lambda k: _noise(self.sources[k].values, 1.0))
@@ -107,6 +115,7 @@ class _Behaviour:
     def _is_slow(self, values: Array) -> bool:
         length = max(2, round(1.0 / self._period_s))
         rows = values[: len(values) // length * length].reshape(-1, length)
+        rows = rows[np.isfinite(rows).any(axis=1)]
         seconds = np.nanmean(rows, axis=1) if len(rows) else rows
         if len(seconds) < 3 or float(np.nanmin(seconds)) < LEAST_TEMPERATURE:
             return False
@@ -132,7 +141,9 @@ class _Behaviour:
         """Position, voltage and current that the equations of a motor fit best."""
         free = [k for k in self._unknown() if not self._is_command(k)]
         places = self._are(POSITION) or free
-        currents = self._are(CURRENT) or free
+        # A torque or an effort serves where no current is named.
+        stand_in = [*self._are(EFFORT), *self._are(TORQUE)]
+        currents = self._are(CURRENT) or stand_in or free
         voltages: list[int | None] = [*(self._are(VOLTAGE) or free), None]
         loads: list[int | None] = [*(self._are(FORCE) or free), None]
         best: tuple[float, tuple[int | None, ...]] = (LEAST_DECADES, ())
@@ -197,6 +208,15 @@ class _Behaviour:
             self._take(other, quantity, f"{like}, with less noise", COMMANDED)
         elif quantity == POSITION:
             self._take(other, quantity, like, "load")
+
+
+def moves(values: Array) -> bool:
+    """Whether a series has more in it than noise without memory."""
+    steps = np.diff(values)
+    steps, own = steps[np.isfinite(steps)], values[np.isfinite(values)]
+    if len(steps) < 3 or not float(np.var(own)) > 0.0:
+        return False
+    return float(np.mean(steps * steps)) < 2.0 * WHITE * float(np.var(own))
 
 
 def _decades(share: float) -> float:

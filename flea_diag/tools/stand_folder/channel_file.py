@@ -6,14 +6,13 @@ import json
 import re
 from collections.abc import Iterator
 
+from flea_diag.tools.series.row_times import MADE_UP, RowTimes
 from flea_diag.tools.stand_folder.proposal import ChannelProposal, StandProposal
-from flea_diag.tools.stand_folder.row_times import RowTimes
 from flea_diag.wire.yaml_text import parse_yaml
 
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.\[\]-]*")
 _LEFT_OUT = 40
 """Series that are listed as not used."""
-START = "2000-01-01T00:00:00Z"
 
 
 def channel_file(found: StandProposal) -> str:
@@ -40,8 +39,9 @@ def _head(found: StandProposal) -> Iterator[str]:
 
 
 def _time(times: RowTimes) -> Iterator[str]:
-    start = "" if times.of_day else f', start: "{START}"'
-    why = "times of day" if times.of_day else "it rises evenly; the day of the start is made up"
+    start = f', start: "{times.start}"' if times.start else ""
+    made_up = times.start == MADE_UP
+    why = "it rises; the day of the start is made up" if made_up else "it holds times of day"
     yield (
         f"time: {{column: {json.dumps(times.column)}, unit: {times.unit}{start}}}"
         f"  # guessed, because {why}"
@@ -57,7 +57,7 @@ def _time(times: RowTimes) -> Iterator[str]:
 
 def _rows(found: StandProposal) -> Iterator[str]:
     for each in found.channels:
-        yield f"  {each.channel}:"
+        yield f"  {each.channel}:  # source and unit are {each.confidence:.0%} sure"
         for key, value, why, doubt in _keys(each, found):
             check = f"; check{f': {doubt}' if doubt != 'check' else ''}" if doubt else ""
             comment = f"  # guessed, because {_shown(why)}{check}" if why else ""
@@ -87,6 +87,10 @@ def _keys(each: ChannelProposal, found: StandProposal) -> Iterator[tuple[str, st
     yield "range", f"[{each.low!r}, {each.high!r}]", "it leaves room about the readings", "check"
     if abs(each.rate_hz - found.rate_hz) > 0.01 * found.rate_hz:
         yield "rate_hz", f"{each.rate_hz:g}", "the readings come so", ""
+    if each.age_s:
+        yield "age_s", f"{each.age_s:g}", "readings come unevenly", ""
+    if each.turn:
+        yield "turn", f"{each.turn:.9g}", "it jumps back after each turn", ""
     if each.hold:
         yield "resample", "hold", "it comes far less often than scans", ""
 

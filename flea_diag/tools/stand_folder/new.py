@@ -11,7 +11,8 @@ from flea_diag.tools.argument import positive
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 
 if TYPE_CHECKING:
-    from flea_diag.tools.stand_folder.proposal import StandProposal
+    from flea_diag.tools.stand_folder.channel_choice import GivenChannel
+    from flea_diag.tools.stand_folder.proposal import ChannelProposal, StandProposal
 
 SUMMARY = "write the folder of a stand from one of its recordings, every guess marked"
 FLEA_SUFFIX = ".data"
@@ -32,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="RECORDING",
-        help="CSV (.csv, .csv.gz), NPZ, Parquet, bag of ROS 2 or ROS 1, FLEA text (.data)",
+        help="table (CSV, TSV, XLSX, NPZ, Parquet, MAT, HDF5, ULog), bag of ROS 2 or ROS 1, FLEA "
+        "text (.data)",
     )
     add(
         "--template",
@@ -44,13 +46,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--joint",
         default="",
         metavar="NAME",
-        help="joint of a JointState to diagnose (default: one that moves)",
+        help="joint, axis or drive to diagnose, by its name or number (default: one that moves)",
+    )
+    add(
+        "--group",
+        default="",
+        metavar="NAME",
+        help="namespace or group that the joint is in, of several",
+    )
+    add(
+        "--channel",
+        action="append",
+        default=[],
+        metavar="NAME=SOURCE[:UNIT]",
+        help="source of a channel, and its unit, where the guess is wrong; may be repeated",
     )
     add(
         "--rate",
         type=positive,
         metavar="HZ",
-        help="rate of the rows, for a table without a column of times",
+        help="rate of the rows of a table without times; otherwise that of the scans",
     )
 
 
@@ -62,14 +77,15 @@ def run(arguments: argparse.Namespace) -> int:
     recording: Path = arguments.recording
     if recording.name.endswith(FLEA_SUFFIX):
         return _of_the_flea(folder, recording, arguments.template)
+    from flea_diag.tools.series.reading_grid import reading_grid
+    from flea_diag.tools.series.series_reader import recorded_series
     from flea_diag.tools.stand_folder.channel_file import channel_file
     from flea_diag.tools.stand_folder.folder_files import template_texts
     from flea_diag.tools.stand_folder.proposal import proposal
-    from flea_diag.tools.stand_folder.reading_grid import reading_grid
-    from flea_diag.tools.stand_folder.recorded_series import recorded_series
 
-    grid = reading_grid(recorded_series(recording), arguments.rate, arguments.joint)
-    found = proposal(grid, arguments.template)
+    recorded = recorded_series(recording)
+    grid = reading_grid(recorded, arguments.rate, arguments.joint, arguments.group)
+    found = proposal(grid, arguments.template, _given(arguments.channel))
     texts = template_texts(found.template, folder, recording.name, found)
     _write(folder, {**texts, "channels.yaml": channel_file(found)})
     _print(folder, recording, found)
@@ -91,6 +107,28 @@ def _of_the_flea(folder: Path, recording: Path, wanted: str) -> int:
     return 0
 
 
+def _given(said: list[str]) -> dict[str, GivenChannel]:
+    """Channels whose sources the user names."""
+    from flea_diag.core.symbolic.converted_unit import conversion
+    from flea_diag.tools.stand_folder.channel_choice import GivenChannel
+
+    found = {}
+    for text in said:
+        channel, mark, source = text.partition("=")
+        if not (channel and mark and source):
+            raise ConfigurationError(
+                f"--channel {text} must be NAME=SOURCE or NAME=SOURCE:UNIT, such as "
+                "motor_current=iq:mA"
+            )
+        name, mark, unit = source.rpartition(":")
+        if mark and name and "/" not in unit.replace("/s", ""):
+            conversion(unit, f"--channel {text}")
+            found[channel] = GivenChannel(name, unit)
+        else:
+            found[channel] = GivenChannel(source)
+    return found
+
+
 def _write(folder: Path, texts: dict[str, str]) -> None:
     make_folder(folder)
     for name, text in texts.items():
@@ -103,21 +141,10 @@ def _print(folder: Path, recording: Path, found: StandProposal) -> None:
     from flea_diag.tools.stand_folder.seen_values import seen_values
 
     kind, rate = found.template, found.rate_hz
-    joint = f", joint {found.grid.joint}" if found.grid.joint else ""
-    say(f"{folder}: {kind.title} (template {kind.name}), {rate:g} scans a second{joint}")
+    say(f"{folder}: {kind.title} (template {kind.name}), {rate:g} scans a second{_joint(found)}")
     say()
-    rows = [("channel", "source", "unit", "sign", "check")]
-    for each in found.channels:
-        rows.append(
-            (
-                each.channel,
-                each.source.name[:44],
-                each.unit,
-                "+" if each.sign > 0 else "-",
-                ", ".join(each.doubts),
-            )
-        )
-    widths = [max(len(row[k]) for row in rows) for k in range(5)]
+    rows = [("channel", "source", "unit", "sign", "sure", "check"), *map(_cells, found.channels)]
+    widths = [max(len(row[k]) for row in rows) for k in range(6)]
     for row in rows:
         say(
             "  "
@@ -130,6 +157,8 @@ def _print(folder: Path, recording: Path, found: StandProposal) -> None:
     if found.unused:
         say(f"not used: {', '.join(name for name, _ in found.unused[:8])}"
             f"{f' and {len(found.unused) - 8} more' if len(found.unused) > 8 else ''}")  # fmt: skip
+    for words in (*found.grid.notes, *_doubts(found)):
+        say(f"note: {words}")
     for words in seen_values(found):
         say(f"seen: {words}")
     name = shown_folder(folder)
@@ -141,15 +170,51 @@ def _print(folder: Path, recording: Path, found: StandProposal) -> None:
     say(f"      flea replay bags/NAME --stand {name}")
 
 
+def _joint(found: StandProposal) -> str:
+    joint, others = found.grid.joint, found.grid.joints
+    if not joint:
+        return ""
+    of = f" of {', '.join(others[:8])} (--joint takes another)" if len(others) > 1 else ""
+    return f", joint {joint}{of}"
+
+
+def _cells(each: ChannelProposal) -> tuple[str, ...]:
+    """Cells of a channel; what is doubtful is marked where it stands."""
+    doubts = {words.partition(" ")[0] for words in each.doubts}
+    source = each.source.name if len(each.source.name) <= 60 else f"...{each.source.name[-57:]}"
+    texts = {"source": source, "unit": each.unit, "sign": "+" if each.sign > 0 else "-"}
+    marked = [f"{text} (check)" if key in doubts else text for key, text in texts.items()]
+    told = (d for d in each.doubts if " " in d or d not in texts)
+    return (each.channel, *marked, f"{each.confidence:.0%}", ", ".join(told))
+
+
+def _doubts(found: StandProposal) -> list[str]:
+    """What is doubtful about the whole."""
+    said = []
+    if found.rivals:
+        said.append(
+            f"check: template {found.template.name}; {' or '.join(found.rivals)} fits as well "
+            "(--template)"
+        )
+    if not found.moves:
+        said.append(
+            "check: nothing moves in this recording, so that neither signs nor units can be held "
+            "against each other: take one with motion both ways"
+        )
+    return said
+
+
 def _tried(folder: Path, recording: Path) -> int:
     """Whether the recording can be imported by what was written; if not, why."""
     from flea_diag.configuration.channels import channel_sources
     from flea_diag.configuration.stand import load_stand
-    from flea_diag.tools.recordings.mapped_recording import mapped_recordings
+    from flea_diag.tools.recordings.mapped_source import mapped_recordings
 
     try:
-        for _ in mapped_recordings(recording, channel_sources(load_stand(folder.absolute()))):
-            pass
+        mapping = channel_sources(load_stand(folder.absolute()))
+        count = sum(1 for _ in mapped_recordings(recording, mapping))
+        if count > 1:
+            say(f"note: {recording.name} holds {count} recordings, flea import makes a bag of each")
     except FleaError as error:
         warn(str(error))
         return IN_PART

@@ -3,35 +3,59 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.configuration.channels import AGE_READINGS
 from flea_diag.core.calibration.power_balance import fitted, rate_of, smoothed
 from flea_diag.core.symbolic.converted_unit import CONVERTED
-from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
+from flea_diag.errors import RecordingError
+from flea_diag.tools.series.time_base import bridged_s
+from flea_diag.tools.stand_folder.behaviour import moves
+from flea_diag.tools.stand_folder.channel_choice import ChosenChannel, GivenChannel
 from flea_diag.tools.stand_folder.sign_choice import SignGuess, guessed_signs
 from flea_diag.tools.stand_folder.template import Template, fitting_template, has_supply_current
-from flea_diag.tools.stand_folder.unit_choice import UnitGuess, factor_to_si, guessed_units
+from flea_diag.tools.stand_folder.unit_choice import (
+    UnitGuess,
+    factor_to_si,
+    guessed_units,
+    is_stand_in,
+)
 from flea_diag.tools.stand_folder.unit_relations import unit_relations
 
 if TYPE_CHECKING:
-    from flea_diag.tools.stand_folder.reading_grid import ReadingGrid, SeriesSum
+    from flea_diag.tools.series.reading_grid import ReadingGrid, SeriesSum
 
 Array = npt.NDArray[np.float64]
 
 SLOW = 5.0
 """Scans for each reading from which on a channel is held instead of interpolated."""
-TRAVEL_MARGIN, RANGE_FACTOR = 1.0, 2.5
-"""Beyond what was seen: share of the way, and multiple of the largest reading."""
+TRAVEL_MARGIN, RANGE_FACTOR = 1.0, 5.0
+"""Beyond what was seen, with room for faults: share of the way, multiple of the largest reading."""
+LEAST_CONFIDENCE = 0.4
+"""Confidence below which a channel is not taken."""
+TIE = 0.5
+"""Confidence in the unit of a position where two templates fit equally."""
+UNSURE = 0.65
+"""Confidence below which a source is to be checked."""
+SAME_RATE = 0.05
+"""Share by which readings may come at another rate than scans without a word."""
 ROOM_DEGC = (-20.0, 150.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelProposal:
-    """One channel of channels.yaml; ``guesses`` are a sentence each, ``doubts`` to be checked."""
+    """One channel of channels.yaml.
+
+    ``guesses`` are a sentence each, ``doubts`` to be checked; ``confidence`` is the chance that
+    source and unit are right. ``age_s`` is 0 where the usual one will do, ``turn`` where the
+    reading is no angle that begins anew.
+    """
 
     channel: str
     source: SeriesSum
@@ -44,6 +68,9 @@ class ChannelProposal:
     hold: bool
     guesses: tuple[str, ...]
     doubts: tuple[str, ...]
+    confidence: float = 1.0
+    age_s: float = 0.0
+    turn: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +81,9 @@ class StandProposal:
     grid: ReadingGrid
     channels: tuple[ChannelProposal, ...]
     travel: tuple[float, float] | None
+    rivals: tuple[str, ...] = ()
+    doubtful: tuple[ChosenChannel, ...] = ()
+    moves: bool = True
 
     @property
     def rate_hz(self) -> float:
@@ -66,10 +96,20 @@ class StandProposal:
         used = {series for each in self.channels for series, _ in each.source.terms}
         left = [s for s in self.grid.sources if len(s.terms) == 1 and s.terms[0][0] not in used]
         words = "fits no channel of this description"
-        return (*((each.name, words) for each in left), *self.grid.unused)
+        doubtful = tuple(
+            (each.source.name, f"{each.channel} by {each.confidence:.0%}, too little to take it")
+            for each in self.doubtful
+        )
+        names = {name for name, _ in doubtful}
+        left = [each for each in left if each.name not in names]
+        return (*doubtful, *((each.name, words) for each in left), *self.grid.unused)
 
 
-def proposal(grid: ReadingGrid, wanted: str = "") -> StandProposal:
+def proposal(
+    grid: ReadingGrid,
+    wanted: str = "",
+    given: Mapping[str, GivenChannel] = MappingProxyType({}),
+) -> StandProposal:
     """Read a stand off a recording.
 
     Parameters
@@ -78,8 +118,19 @@ def proposal(grid: ReadingGrid, wanted: str = "") -> StandProposal:
         The recording.
     wanted
         Name of the template; "": the one that fits.
+    given
+        Channels whose sources are known.
+
+    Raises
+    ------
+    RecordingError
+        A channel that the template needs can be told with too little confidence.
     """
-    kind, chosen = fitting_template(grid, wanted)
+    fit = fitting_template(grid, wanted, given)
+    kind, chosen = fit.template, fit.channels
+    doubtful = tuple(each for each in chosen if each.confidence < LEAST_CONFIDENCE)
+    _check_needed(grid, kind, doubtful)
+    chosen = tuple(each for each in chosen if each.confidence >= LEAST_CONFIDENCE)
     units = guessed_units(chosen, unit_relations(chosen, grid.period_s), grid.times is None)
     signs = guessed_signs(chosen, grid.period_s)
     scales = _scales(chosen, units, grid.period_s, kind)
@@ -88,7 +139,40 @@ def proposal(grid: ReadingGrid, wanted: str = "") -> StandProposal:
         _row(each, units[each.channel], signs[each.channel], scales.get(each.channel), supply, grid)
         for each in chosen
     )
-    return StandProposal(kind, grid, rows, _travel(rows, chosen))
+    if fit.rivals:
+        rows = tuple(
+            _of_two_kinds(row, each.si_unit) for row, each in zip(rows, chosen, strict=True)
+        )
+    places = [each.source.values for each in chosen if each.si_unit in ("m", "rad")]
+    is_moving = any(map(moves, places))
+    if not is_moving:
+        rows = tuple(replace(row, doubts=_all_but_temperature(row)) for row in rows)
+    return StandProposal(kind, grid, rows, _travel(rows, chosen), fit.rivals, doubtful, is_moving)
+
+
+def _of_two_kinds(row: ChannelProposal, si_unit: str) -> ChannelProposal:
+    """A position or speed of a recording that fits a part that slides and one that turns."""
+    if si_unit not in ("m", "rad", "m/s", "rad/s") or "its name says so" in row.guesses[1]:
+        return row
+    more = () if any(d.startswith("unit") for d in row.doubts) else ("unit",)
+    return replace(row, doubts=(*row.doubts, *more), confidence=min(row.confidence, TIE))
+
+
+def _all_but_temperature(row: ChannelProposal) -> tuple[str, ...]:
+    """Doubts of a channel whose recording has no motion."""
+    more = [] if any(d.startswith("sign") for d in row.doubts) else ["sign"]
+    return (*row.doubts, *(more if "temperature" not in row.channel else ()))
+
+
+def _check_needed(grid: ReadingGrid, kind: Template, doubtful: tuple[ChosenChannel, ...]) -> None:
+    for each in doubtful:
+        if each.channel in kind.needs:
+            others = f", {', '.join(each.rivals[:5])} would do as well" if each.rivals else ""
+            raise RecordingError(
+                f"{grid.recorded.path}: {each.channel} would be {each.source.name}, because "
+                f"{each.because}, with a confidence of {each.confidence:.0%}{others}; at least "
+                f"{LEAST_CONFIDENCE:.0%} are needed: say which it is, --channel {each.channel}=NAME"
+            )
 
 
 def _scales(
@@ -132,10 +216,13 @@ def _row(
     doubts = []
     if unit.other:
         doubts.append(f"unit {unit.unit} or {unit.other}")
+    elif is_stand_in(each):
+        doubts.append("unit")
     if not sign.sure:
         doubts.append("sign")
-    if each.merit < 0.65 or each.source.because:
-        doubts.append("source")
+    if each.merit < 0.65 or each.source.because or each.confidence < UNSURE:
+        others = f"{each.source.name} or {each.rivals[0]}" if each.rivals else ""
+        doubts.append(f"source {others}".rstrip())
     factor = 1.0
     written = unit.unit
     if scale is not None:
@@ -146,7 +233,12 @@ def _row(
         doubts.append("scale")
     low, high = _range(each, written, sign.sign * factor, supply)
     scan_hz, own_hz = 1.0 / grid.period_s, each.source.rate_hz
-    rate_hz = scan_hz if grid.times is not None or not math.isfinite(own_hz) else own_hz
+    rate_hz = own_hz if math.isfinite(own_hz) else scan_hz
+    if abs(rate_hz - scan_hz) < SAME_RATE * scan_hz:
+        rate_hz = scan_hz
+    usual_s = AGE_READINGS / rate_hz
+    bridged = max(bridged_s(series) for series, _ in each.source.terms)
+    age_s = float(f"{bridged:.3g}") if bridged > 1.1 * usual_s else 0.0
     return ChannelProposal(
         each.channel,
         each.source,
@@ -159,6 +251,9 @@ def _row(
         rate_hz * SLOW <= scan_hz,
         tuple(guesses),
         tuple(doubts),
+        min(each.confidence, unit.confidence),
+        age_s,
+        each.source.turn,
     )
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.symbolic.converted_unit import CONVERTED
+from flea_diag.tools.series.series_words import CURRENT, TORQUE, quantity_of
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
-from flea_diag.tools.stand_folder.series_words import quantity_of
 
 Units = Mapping[str, str]
 
@@ -23,7 +23,15 @@ CANDIDATES: dict[str, dict[str, float]] = {
     "m": {"m": 0.0, "mm": 0.0, "in": -0.5, "cm": -1.5},
     "rad": {"rad": 0.0, "deg": 0.0, "rev": -2.0},
     "m/s": {"m/s": 0.0, "mm/s": 0.0, "in/s": -0.5},
-    "rad/s": {"rad/s": 0.0, "rpm": 0.0, "deg/s": -1.0, "rev/s": -1.0, "m/s": -0.5, "mm/s": -0.5},
+    "rad/s": {
+        "rad/s": 0.0,
+        "rpm": 0.0,
+        "deg/s": -1.0,
+        "rev/s": -1.0,
+        "m/s": -0.5,
+        "mm/s": -0.5,
+        "in/s": -0.9,
+    },
     "A": {"A": 0.0, "mA": 0.0},
     "V": {"V": 0.0, "mV": -0.5},
     "N": {"N": 0.0, "lbf": -0.3, "kgf": -0.5, "kN": -0.3},
@@ -38,8 +46,13 @@ TYPICAL: dict[str, tuple[float, float]] = {
 """SI unit -> usual size of such a signal on a stand, and its spread in decades."""
 TYPICAL_DEGC = (25.0, 12.0)
 """Lowest reading of a temperature, and its spread in kelvin."""
-BY_TYPE, IN_A_BAG = 2.0, 0.7
+BY_TYPE, IN_A_BAG = 3.0, 0.7
 """Merit of the unit by a message's definition, and of an SI unit on a topic (REP-103)."""
+COMMONEST, USUAL_SIZE = "it is the commonest unit", "its readings are of a usual size in it"
+BY_SIZE = 0.7
+"""Most confidence in a unit that nothing but the size of the readings tells."""
+STANDS_FOR = {"N*m": "A", "mN*m": "mA", "": "A"}
+"""Unit of a torque -> that of the current that it stands for."""
 SURE = 2.0
 """Lead in merit over the next unit from which on a choice counts as sure."""
 MOST_CHOICES = 200_000
@@ -66,11 +79,21 @@ class UnitFactor:
 
 @dataclass(frozen=True)
 class UnitGuess:
-    """The unit of one channel, and why; ``other`` is the next best, "" where it is far behind."""
+    """The unit of one channel, and why.
+
+    ``other`` is the next best, "" where it is far behind; ``confidence`` the chance that it is
+    right, 0 to 1.
+    """
 
     unit: str
     because: str
     other: str = ""
+    confidence: float = 0.99
+
+    @property
+    def by_size(self) -> bool:
+        """Whether nothing but the size of the readings tells it."""
+        return self.because in (COMMONEST, USUAL_SIZE)
 
 
 def factor_to_si(unit: str) -> float:
@@ -88,28 +111,52 @@ def guessed_units(
     for group in _groups(list(options), factors):
         ours = [f for f in factors if f.channels[0] in group]
         found |= _solved({name: options[name] for name in group}, ours)
-    said = {each.channel: each.source.words.unit for each in channels}
-    for name, unit in said.items():
-        if unit:
-            found[name] = UnitGuess(unit, "its name says so")
+    for each in channels:
+        if each.unit:
+            found[each.channel] = UnitGuess(each.unit, "you say so")
+        elif is_stand_in(each):
+            unit = STANDS_FOR.get(each.source.words.unit, "A")
+            words = "the torque stands for the current, which a calibration scales"
+            found[each.channel] = UnitGuess(unit, words, confidence=0.9)
+        elif each.source.words.unit:
+            found[each.channel] = UnitGuess(each.source.words.unit, "its name says so")
     return found
 
 
+def is_stand_in(each: ChosenChannel) -> bool:
+    """Whether a torque stands for the current."""
+    return each.source.words.quantity == TORQUE and quantity_of(each.si_unit) == CURRENT
+
+
 def _options(each: ChosenChannel) -> tuple[str, ...]:
-    unit = each.source.words.unit
+    unit = each.unit or each.source.words.unit
+    if is_stand_in(each):
+        unit = STANDS_FOR.get(unit, "A")
     return (unit,) if unit else tuple(CANDIDATES.get(each.si_unit, {each.si_unit: 0.0}))
 
 
 def _own_factors(each: ChosenChannel, is_bag: bool) -> list[UnitFactor]:
     """What a channel says of its own unit."""
     name, si, typed = each.channel, each.si_unit, each.source.words.typed
+    if typed == si:
+        # What the message is defined to hold is no matter of size.
+        own = [
+            UnitFactor(
+                (name,), lambda units: BY_TYPE * (units[name] == typed), "the message is defined so"
+            )
+        ]
+        if si == "degC":  # but no room is at 78 or at 298 of them
+            own.append(
+                UnitFactor((name,), lambda units: _size_merit(each, units[name]), USUAL_SIZE)
+            )
+        return own
     seldom = CANDIDATES.get(si, {})
     own = [
-        UnitFactor((name,), lambda units: seldom.get(units[name], 0.0), "it is the commonest unit"),
+        UnitFactor((name,), lambda units: seldom.get(units[name], 0.0), COMMONEST),
         UnitFactor(
             (name,),
             lambda units: _size_merit(each, units[name]),
-            "its readings are of a usual size in it",
+            USUAL_SIZE,
         ),
     ]
     if is_bag:
@@ -173,6 +220,10 @@ def _solved(
             continue
         next_merit, other = max(others, key=lambda row: row[0])
         reason = max(factors, key=lambda f: f.merit(best) - f.merit(other))
-        doubt = other[name] if merit - next_merit < SURE else ""
-        found[name] = UnitGuess(best[name], reason.words, doubt)
+        lead = merit - next_merit
+        sure = 1.0 / (1.0 + math.exp(-min(lead, 5.0)))
+        by_size = reason.words in (COMMONEST, USUAL_SIZE)
+        doubt = other[name] if lead < SURE or by_size else ""
+        sure = min(sure, BY_SIZE) if by_size else sure
+        found[name] = UnitGuess(best[name], reason.words, doubt, sure)
     return found

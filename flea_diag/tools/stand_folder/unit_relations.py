@@ -19,8 +19,8 @@ from flea_diag.core.calibration.power_balance import (
 )
 from flea_diag.core.calibration.sign_check import roles_of
 from flea_diag.core.symbolic.converted_unit import CONVERTED
+from flea_diag.tools.series.series_words import COMMANDED, POSITION, SPEED, words_of
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
-from flea_diag.tools.stand_folder.series_words import COMMANDED, POSITION, SPEED, words_of
 from flea_diag.tools.stand_folder.unit_choice import UnitFactor, Units, factor_to_si
 
 Array = npt.NDArray[np.float64]
@@ -62,8 +62,17 @@ def _of_speeds(channels: Sequence[ChosenChannel], period_s: float) -> list[UnitF
     return found
 
 
+SELF = 0.02
+"""Deviation from one up to which a speed is the rate of a position in its own unit."""
+OF_ITSELF = 5.0
+
+
 def _speed_factor(speed: str, position: str, slope: float) -> UnitFactor:
+    of_itself = abs(slope - 1.0) < SELF
+
     def merit(units: Units) -> float:
+        if of_itself and units[speed] == f"{units[position]}/s":
+            return OF_ITSELF
         ratio = slope * factor_to_si(units[speed]) / factor_to_si(units[position])
         turning = [CONVERTED.get(u, (u,))[0] in ("rad", "rad/s") for u in
                    (units[speed], units[position])]  # fmt: skip
@@ -78,8 +87,9 @@ def _speed_factor(speed: str, position: str, slope: float) -> UnitFactor:
         is_round = any(abs(1e3 * lead_m / lead - 1.0) < 0.004 for lead in ROUND_LEADS_MM)
         return 1.5 * is_round - 0.5 * (math.log10(lead_m / LEAD_M) / LEAD_SPREAD) ** 2
 
+    words = f"it is the rate of {position}"
     return UnitFactor(
-        (speed, position), merit, f"it is the rate of {position} through a usual lead or gear"
+        (speed, position), merit, words if of_itself else f"{words} through a usual lead or gear"
     )
 
 

@@ -233,6 +233,8 @@ def read_bag(
 def sources_of(path: Path, losses: list[str]) -> list[Any]:
     """Files of a bag, each with its channels and messages; losses are appended."""
     if path.exists() and not path.is_dir():
+        if path.name.endswith(SQLITE_ENDINGS):
+            return [SqliteSource(path.parent, _of_sqlite([path.name]))]
         return [McapScan(path)]
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
@@ -243,6 +245,20 @@ def sources_of(path: Path, losses: list[str]) -> list[Any]:
     files = [path / Path(name).name for name in known.files if name.endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
     if not files:
-        raise RecordingError(f"{path} is not a bag: it has neither {METADATA_FILE} nor .mcap file")
+        names = sorted(f.name for f in path.iterdir() if f.name.endswith(SQLITE_ENDINGS))
+        if names:
+            return [SqliteSource(path, _of_sqlite(names))]
+        raise RecordingError(
+            f"{path} is not a bag: it has neither {METADATA_FILE} nor a file .mcap or .db3"
+        )
     losses += [f"{file.name} is missing" for file in files if not file.exists()]
     return [McapScan(file) for file in files if file.exists()]
+
+
+SQLITE_ENDINGS = (".db3", ".db3.zstd")
+
+
+def _of_sqlite(names: list[str]) -> BagDescription:
+    """Description of files without metadata.yaml: packed as a whole where their names say so."""
+    packed = "file" if all(name.endswith(".zstd") for name in names) else ""
+    return BagDescription(storage="sqlite3", files=tuple(names), compression=packed)

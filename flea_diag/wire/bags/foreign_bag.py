@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_reader import sources_of
+from flea_diag.wire.bags.controller_types import controller_types
 from flea_diag.wire.bags.mcap_message import Channel
 from flea_diag.wire.bags.ros1_bag import MAGIC, Ros1Bag
 from flea_diag.wire.regular_file import opened
@@ -85,6 +86,19 @@ class ForeignBag:
             if count:
                 self.losses.append(f"{topic}: {count} unreadable messages")
 
+    def unreadable(self) -> dict[str, str]:
+        """Topics whose types nobody defines, each with the reason."""
+        found: dict[str, str] = {}
+        for source in self._sources:
+            for channel in source.channels.values():
+                if channel.encoding not in _FORMATS or channel in self._decoders:
+                    continue
+                try:
+                    self._decoders[channel] = _decoder(channel, self.path)
+                except RecordingError as error:
+                    found[channel.topic.lstrip("/")] = str(error)
+        return found
+
     def _decoded(self, channel: Channel, data: bytes) -> Any:
         """Content of a message; None if it is unreadable."""
         decode = self._decoders.get(channel)
@@ -111,7 +125,7 @@ def _decoder(channel: Channel, path: Path) -> Any:
     from rosbags.typesys import Stores, get_typestore
 
     known = get_typestore(Stores.ROS1_NOETIC if channel.encoding == "ros1" else Stores.ROS2_JAZZY)
-    defined = _definitions(channel, path)
+    defined = _definitions(channel, path) or controller_types(channel.message, known)
     store = known
     if channel.message not in known.fielddefs or any(
         known.fielddefs.get(name) != definition for name, definition in defined.items()
@@ -121,8 +135,9 @@ def _decoder(channel: Channel, path: Path) -> Any:
     if channel.message not in store.fielddefs:
         raise RecordingError(
             f"{path}: {shown(channel.topic)} is of the type {shown(channel.message)}, which the "
-            "bag does not define and ROS 2's common interfaces do not hold: record it as MCAP, "
-            "which keeps the definition"
+            "bag does not define and neither ROS 2's common interfaces nor control_msgs hold: "
+            "record it as MCAP, which keeps the definition, or convert the bag where the type is "
+            "known (ros2 bag convert)"
         )
     return store.deserialize_ros1 if channel.encoding == "ros1" else store.deserialize_cdr
 

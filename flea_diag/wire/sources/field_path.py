@@ -1,7 +1,8 @@
 """A field of a message of any type: ``effort[elbow]``, ``wrench.force.z``, ``data[3]``.
 
 In brackets stands the number of an element or its name. A name is looked up in the list of texts
-beside the array, as ``name`` of a JointState, or among the elements' own ``name`` or ``key``. The
+beside the array, as ``name`` of a JointState, or of the whole message, as ``joint_names`` of a
+JointTrajectoryControllerState, or among the elements' own ``name`` or ``key``. The
 messages are those of rclpy or of rosbags: anything with attributes of the names of the fields.
 """
 
@@ -17,7 +18,7 @@ from flea_diag.errors import ConfigurationError, WireError, shown
 LONGEST_PATH = 300
 MOST_NAMES = 8
 """Names that a message lists."""
-_STEP = re.compile(r"([A-Za-z_]\w*)(?:\[([^\[\]]+)\])?")
+_STEP = re.compile(r"([A-Za-z_]\w*)(?:\[([^\[\]]+(?:\[[^\[\]]*\][^\[\]]*)*)\])?")
 _KEYS = ("name", "key")
 """Fields by which an element of an array of messages is named."""
 
@@ -66,13 +67,14 @@ class FieldPath:
         WireError
             The message has no such field, or it is no number.
         """
+        root = message
         for name, key in self.steps:
             value = getattr(message, name, None)
             if value is None:
                 has = ", ".join(fields_of(message)[:MOST_NAMES])
                 raise WireError(f"no field {shown(name)} in {shown(self.text)}, it has {has}")
             if key:
-                at = _index(message, value, key)
+                at = _index(message, value, key, root)
                 if at is None:
                     return None
                 value = value[at]
@@ -91,11 +93,12 @@ class FieldPath:
     def names_in(self, message: Any) -> tuple[str, ...]:
         """Names that the elements of the last array have in this message, as far as they go."""
         names: tuple[str, ...] = ()
+        root = message
         for name, key in self.steps:
             value = getattr(message, name, None)
             if key and value is not None:
-                names = tuple(_names(message, value))
-                at = _index(message, value, key)
+                names = tuple(_names(message, value, root))
+                at = _index(message, value, key, root)
                 value = None if at is None else value[at]
             if value is None:
                 break
@@ -112,25 +115,28 @@ def fields_of(message: Any) -> tuple[str, ...]:
     return tuple(name for name in known if not name.startswith("__"))
 
 
-def _index(message: Any, values: Any, key: str) -> int | None:
+def _index(message: Any, values: Any, key: str, root: Any) -> int | None:
     """Place of an element given by number or name; None if it is not there."""
     if not hasattr(values, "__len__") or isinstance(values, str):
         raise WireError(f"[{key}]: the field is no array")
     if key.isdecimal():
         return int(key) if len(key) < 10 and int(key) < len(values) else None
-    names = _names(message, values)
+    names = _names(message, values, root)
     at = names.index(key) if key in names else None
     return at if at is not None and at < len(values) else None
 
 
-def _names(message: Any, values: Any) -> Sequence[str]:
-    """Names of the elements: their own, or of the list of texts beside them."""
+def _names(message: Any, values: Any, root: Any) -> Sequence[str]:
+    """Names of the elements: their own, of the list of texts beside them, or of the message's."""
     if len(values) and not isinstance(values[0], str):
         for key in _KEYS:
             if isinstance(getattr(values[0], key, None), str):
                 return [getattr(value, key) for value in values]
-    for name in fields_of(message):
-        listed = getattr(message, name)
-        if isinstance(listed, list) and listed and isinstance(listed[0], str):
-            return listed
+    for each in (message, root):
+        for name in fields_of(each):
+            listed = getattr(each, name)
+            is_of_texts = isinstance(listed, list) and listed and isinstance(listed[0], str)
+            if is_of_texts and (each is message or len(listed) == len(values)):
+                names: Sequence[str] = listed
+                return names
     return ()

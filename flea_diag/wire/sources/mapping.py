@@ -42,7 +42,8 @@ class ChannelMapping:
     """One channel: ``factor`` times the sum of its terms, plus ``offset``, in ``unit`` (SI).
 
     ``minimum`` and ``maximum`` are in the same unit; ``rate_hz`` is that of the readings. A reading
-    is used for at most ``age_s``.
+    is used for at most ``age_s``. ``turn`` is the reading after which an angle begins anew, as it
+    is written; 0 for any other reading.
     """
 
     channel: str
@@ -60,6 +61,7 @@ class ChannelMapping:
     mount: str = ""
     sampling: str = "mean"
     note: str = ""
+    turn: float = 0.0
 
     def info(self, rate_hz: float) -> ChannelInfo:
         """Row of the channel table."""

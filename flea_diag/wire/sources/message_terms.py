@@ -42,8 +42,9 @@ class MessageTerms:
 
 
 def stamp_of(message: Any, received_ns: int) -> int:
-    """Stamp of the header; without one, or with a stamp of 0, the time of receipt."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
+    """Stamp of the header, or of the message; without one, or with 0, the time of receipt."""
+    stamp = getattr(getattr(message, "header", message), "stamp", None)
+    seconds, rest = getattr(stamp, "sec", None), getattr(stamp, "nanosec", None)
+    if seconds is None or rest is None:
         return received_ns
-    return int(stamp.sec) * _NS + int(stamp.nanosec) or received_ns
+    return int(seconds) * _NS + int(rest) or received_ns

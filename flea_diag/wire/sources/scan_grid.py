@@ -29,11 +29,18 @@ class _Readings:
     def __init__(self, row: ChannelMapping) -> None:
         self.interpolates = row.resample == INTERPOLATE
         self.age_ns = round(row.age_s * 1e9)
+        self._turn = row.turn
         self.kept: deque[tuple[int, float]] = deque(maxlen=MOST_READINGS)
 
     @property
     def newest_ns(self) -> int:
         return self.kept[-1][0] if self.kept else -1
+
+    def keep(self, stamp_ns: int, value: float) -> None:
+        """Take a reading; an angle that begins anew goes on where it was."""
+        if self._turn and self.kept:
+            value += self._turn * round((self.kept[-1][1] - value) / self._turn)
+        self.kept.append((stamp_ns, value))
 
     def at(self, time_ns: int) -> float:
         """Value at the time of a scan; older readings are forgotten."""
@@ -104,7 +111,7 @@ class ScanGrid:
             if stamp_ns <= readings.newest_ns:
                 self.counts["disordered"] += 1
             elif math.isfinite(value):
-                readings.kept.append((stamp_ns, value))
+                readings.keep(stamp_ns, value)
         self._newest_ns = max(self._newest_ns, stamp_ns)
         yield from self._made(self._complete_ns())
 

@@ -197,10 +197,6 @@ REFUSED = {
     "a sum of wrong sign": (
         {"motor_current": {"range": [0.0, 60.0]}}, iter, "motor_current reads -.* A, .*%",
     ),
-    "a rate that drifts": (
-        {}, slower,
-        "/arm/wrench: load_force: readings come at 50 Hz from 1.* s on, declared are 100 Hz within",
-    ),
     "an unknown unit": (
         {"load_force": {"unit": "pounds"}}, iter, "load_force: unit: unit 'pounds' is unknown; use",
     ),
@@ -229,13 +225,24 @@ def test_what_contradicts_the_mapping_is_refused_in_one_line(
     for channel, values in changes.items():
         mapping["channels"][channel] |= values  # type: ignore[index]
     stand = arm.arm_stand(tmp_path / "arm", mapping)
-    short = sent if altered is slower else sent[:1800]
-    bag = arm.write_ros2(tmp_path / "session", altered(iter(short)))
+    bag = arm.write_ros2(tmp_path / "session", altered(iter(sent[:1800])))
     status = main(["import", "--stand", str(stand), str(bag), "-o", str(tmp_path / "bags")])
     said = capsys.readouterr().err.splitlines()
     assert status != 0
     assert re.search(words, said[0]), said[0]
     assert not (tmp_path / "bags").exists()
+
+
+def test_another_rate_is_said_and_taken_by_its_stamps(
+    tmp_path: Path, sent: list[tuple[str, int, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stand = arm.arm_stand(tmp_path / "arm")
+    bag = arm.write_ros2(tmp_path / "session", slower(iter(sent)))
+    assert main(["import", "--stand", str(stand), str(bag), "-o", str(tmp_path / "bags")]) == 0
+    words = "load_force: readings come at 50 Hz from 1.* s on, declared are 100 Hz: taken by their"
+    assert re.search(words, capsys.readouterr().err)
+    names, _, values = scans_of(tmp_path / "bags" / "session")
+    assert np.isfinite(values[:-1, names.index("load_force")]).all(), "bridged between neighbours"
 
 
 def test_lost_messages_are_no_other_rate(tmp_path: Path, sent: list[tuple[str, int, Any]]) -> None:
@@ -393,7 +400,10 @@ def changed(place: int, column: int, value: float) -> list[tuple[float, ...]]:
             [*ROWS, ROWS[0]],
             "runs_20_1 occurs twice: rows of one load, test must follow one another",
         ),
-        (changed(3, 0, math.nan), "row 4 has no t; every row needs a time"),
+        (
+            [(math.nan, *row[1:]) if k % 9 == 3 else row for k, row in enumerate(ROWS)],
+            "11 of 100 rows have no t, the first is row 4; every row needs a time",
+        ),
         (changed(3, 0, 1e18), "t = 1e+18 is no time before 2128; give its unit under time"),
         ([], "its columns have [0] rows"),
     ],
@@ -416,7 +426,10 @@ DAMAGED = {
         b"t,set,error,i,load,test\n0,x,0,0,0,1\n",
         "line 2: 'set' = 'x' is",
     ),
-    "a line that is cut off": (b"t,set,error,i,load,test\n0,1,0\n", "line 2 has 3 columns, 'i' is"),
+    "a line that is cut off": (
+        b"t,set,error,i,load,test\n0,1,0\n",
+        "line 2 has 3 columns instead of 6, and so do 1 of 1 rows; the file is cut off",
+    ),
     "a column that is missing": (
         b"t;set;error\n0;1;2\n",
         "has no column 'i', it has t, set, error; correct the column of motor_current in",

@@ -9,10 +9,10 @@ import pytest
 from support.foreign.recordings_of_others import Sent, csv
 from support.places import DATA
 
+from flea_diag.tools.series.reading_grid import reading_grid
+from flea_diag.tools.series.series_reader import recorded_series
+from flea_diag.tools.series.series_words import words_of
 from flea_diag.tools.stand_folder.proposal import proposal
-from flea_diag.tools.stand_folder.reading_grid import reading_grid
-from flea_diag.tools.stand_folder.recorded_series import recorded_series
-from flea_diag.tools.stand_folder.series_words import words_of
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 SAID = {
@@ -24,7 +24,7 @@ SAID = {
     ("voltage setpoint", ""): ("voltage", "commanded", ""),
     ("U_mot_V", ""): ("voltage", "motor", "V"),
     ("x", ""): ("position", "", ""),
-    ("q7", ""): ("", "", ""),
+    ("q7", ""): ("position", "", ""),
     ("/joint_states/effort[elbow]", JOINT_STATE): ("effort", "", ""),
     ("/sensors/slow/position[motor_current]", JOINT_STATE): ("current", "motor", ""),
     ("/parts/status[nut].values[kelvin].value", "x/msg/Y"): ("temperature", "nut", "K"),
@@ -49,19 +49,19 @@ def test_a_message_says_its_unit_where_the_field_is_what_it_is_defined_to_be() -
 def test_series_without_names_are_told_by_which_follows_which(tmp_path: Path) -> None:
     """All but which of two equal positions is which, and whose a second temperature is."""
     sent = (
-        Sent("load_force", "q0", "lbf"),
-        Sent("motor_voltage", "q1", sign=-1),
-        Sent("ambient_temperature", "q2", "degF"),
-        Sent("motor_speed", "q3", "rpm", sign=-1),
-        Sent("actuator_position", "q4", "mm"),
-        Sent("motor_temperature", "q5"),
-        Sent("motor_current", "q6", "mA", sign=-1),
+        Sent("load_force", "v0", "lbf"),
+        Sent("motor_voltage", "v1", sign=-1),
+        Sent("ambient_temperature", "v2", "degF"),
+        Sent("motor_speed", "v3", "rpm", sign=-1),
+        Sent("actuator_position", "v4", "mm"),
+        Sent("motor_temperature", "v5"),
+        Sent("motor_current", "v6", "mA", sign=-1),
     )
     found = proposal(reading_grid(recorded_series(csv(tmp_path / "run.csv", sent))))
     guessed = {each.source.name: (each.channel, each.sign) for each in found.channels}
     assert guessed == {each.name: (each.channel, int(each.sign)) for each in sent}
     units = {each.source.name: each.unit for each in found.channels}
-    assert (units["q3"], units["q4"], units["q6"]) == ("rpm", "mm", "mA")
+    assert (units["v3"], units["v4"], units["v6"]) == ("rpm", "mm", "mA")
     assert all("source" in each.doubts for each in found.channels)
 
 

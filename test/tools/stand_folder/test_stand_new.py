@@ -73,7 +73,7 @@ def test_a_commanded_load_stands_for_the_load_that_nothing_measures(tmp_path: Pa
     recording = csv(tmp_path / "run.csv", sent)
     assert main(["stand", "new", str(tmp_path / "mine"), "--from", str(recording)]) == 0
     text = (tmp_path / "mine" / "channels.yaml").read_text(encoding="utf-8")
-    (words,) = re.findall(r"  load_force:\n    column: load_command_lbf  # (.*)", text)
+    (words,) = re.findall(r"  load_force:.*\n    column: load_command_lbf  # (.*)", text)
     assert words == "guessed, because no load is measured, so the command stands for it; check"
     assert "commanded_load" not in text
 
@@ -95,7 +95,7 @@ def nothing_moves(folder: Path) -> Path:
 def of_noise(folder: Path) -> Path:
     time = 0.01 * np.arange(600)[:, None]
     rows = np.hstack([time, np.random.default_rng(2).normal(size=(600, 3))])
-    np.savetxt(folder / "run.csv", rows, delimiter=",", header="time,q0,q1,q2", comments="")
+    np.savetxt(folder / "run.csv", rows, delimiter=",", header="time,a0,a1,a2", comments="")
     return folder / "run.csv"
 
 
@@ -113,9 +113,9 @@ def full(folder: Path) -> Path:
 
 REFUSED = {
     full: ("mine exists and is not empty: name a new folder", ()),
-    of_noise: ("no motor_current and no actuator_position for dc_screw among q0, q1, q2", ()),
+    of_noise: ("no motor_current and no actuator_position for dc_screw among a0, a1, a2", ()),
     without_times: ("no column holds times, it has current, position: give the rate, --rate", ()),
-    nothing_moves: ("no column holds times", ()),
+    nothing_moves: ("'time' is 1 in all 50 rows: the clock stood still", ()),
     lambda folder: csv(folder / "run.csv", SENT): (
         "template 'rocket' is not shipped, known are dc_screw, ", ("--template", "rocket"),
     ),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.stand_folder.recorded_joints import RecordedJoints
-from flea_diag.tools.stand_folder.recorded_series import RecordedSeries, Series
+from flea_diag.tools.series.recorded_joints import RecordedJoints
+from flea_diag.tools.series.recorded_series import RecordedSeries, Series
 
 STATE = "sensor_msgs/msg/JointState"
 MOVING, STILL = np.arange(20.0), np.zeros(20)

@@ -4,34 +4,38 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.stand_folder.recorded_joints import RecordedJoints
-from flea_diag.tools.stand_folder.recorded_series import (
-    FEWEST_READINGS,
-    RecordedSeries,
-    Series,
-)
-from flea_diag.tools.stand_folder.row_times import RowTimes, row_times
-from flea_diag.tools.stand_folder.series_words import (
+from flea_diag.tools.series.no_readings import no_reading, quaternions
+from flea_diag.tools.series.recorded_joints import RecordedJoints
+from flea_diag.tools.series.recorded_series import RecordedSeries, Series
+from flea_diag.tools.series.row_times import RowTimes, row_times
+from flea_diag.tools.series.series_words import (
     COMMANDED,
+    CURRENT,
+    EFFORT,
     ERROR,
     FORCE,
     POSITION,
+    SPEED,
     TORQUE,
     NameWords,
     words_of,
 )
+from flea_diag.tools.series.time_base import TimeBase, of_bag, of_table, on_grid
+from flea_diag.tools.series.wrapped_angle import turn_of, unwrapped
 
 Array = npt.NDArray[np.float64]
 
 MOST_ROWS = 60_000
 FASTEST_HZ, SLOWEST_HZ = 1000.0, 1.0
 """Rates that scans may have."""
+FEWEST_READINGS = 10
 ROUND = 0.01
 """Deviation up to which a measured rate is one of a round number."""
 
@@ -50,12 +54,15 @@ class SeriesSum:
         Readings on the grid, shape (n,), as recorded; NaN between two recordings.
     because
         How its quantity is known, where the name does not say it.
+    turn
+        Reading at which an angle begins anew, in its unit; 0 where it does not.
     """
 
     terms: tuple[tuple[Series, int], ...]
     words: NameWords
     values: Array
     because: str = ""
+    turn: float = 0.0
 
     @property
     def name(self) -> str:
@@ -75,6 +82,8 @@ class ReadingGrid:
     """The series of one recording as columns of rows ``period_s`` apart.
 
     ``times`` is None for a bag. ``unused`` are series that can be no channel, with the reason.
+    ``joints`` are groups of series that move, of which ``joint`` is looked at. ``notes`` say what
+    was done to the recording, a line each.
     """
 
     recorded: RecordedSeries
@@ -83,10 +92,12 @@ class ReadingGrid:
     sources: tuple[SeriesSum, ...]
     unused: tuple[tuple[str, str], ...]
     joint: str = ""
+    joints: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def reading_grid(
-    recorded: RecordedSeries, rate_hz: float | None = None, joint: str = ""
+    recorded: RecordedSeries, rate_hz: float | None = None, joint: str = "", group: str = ""
 ) -> ReadingGrid:
     """Grid of a recording.
 
@@ -95,9 +106,9 @@ def reading_grid(
     recorded
         Its series.
     rate_hz
-        Rate of the rows of a table that has no times.
-    joint
-        Joint of a JointState to diagnose; "": one that moves.
+        Rate of the rows of a table that has no times, and of the scans.
+    joint, group
+        Joint and namespace, axis or drive to diagnose; "": one that moves.
 
     Raises
     ------
@@ -105,27 +116,53 @@ def reading_grid(
         It has no times, or nothing in it changes.
     """
     times = row_times(recorded, rate_hz) if recorded.is_table else None
-    joints = RecordedJoints.of(recorded, joint)
+    joints = RecordedJoints.of(recorded, joint, group)
     unused = [(name, "no numbers") for name in recorded.silent]
-    kept = []
+    kept, same = [], _Twins()
+    told = {id(each): _worded(each, times) for each in recorded.series}
+    turns = _of_quaternions(recorded, told)
     for series in recorded.series:
-        reason = _unused(series, times, joints)
+        reason = _unused(series, told[id(series)], times, joints)
+        reason = reason or (
+            "of a quaternion" if id(series) in turns else same.twin_of(series, told[id(series)])
+        )
         if reason:
             unused.append((series.words, reason))
         else:
             kept.append(series)
     if not kept:
+        reasons = ", ".join(f"{n} ({why})" for n, why in unused[:10])
         raise RecordingError(
-            f"{recorded.path}: nothing in it changes: {', '.join(n for n, _ in unused[:10])}; "
-            "record a motion"
+            f"{recorded.path}: nothing in it changes that a sensor reads: {reasons}; record a "
+            "motion"
         )
-    period_s = 1.0 / _rate(kept, times)
-    sources = tuple(
-        SeriesSum(((each, 1),), _worded(each, times), _on_grid(each, times, period_s))
-        for each in kept
-    )
+    words = [told[id(each)] for each in kept]
+    base = of_bag(kept) if times is None else of_table(kept, times)
+    period_s = 1.0 / (rate_hz or _rate(base, words, times))
+    sources = tuple(_sources(base, words, period_s))
     sources += tuple(_sums(sources, period_s))
-    return ReadingGrid(recorded, period_s, times, sources, tuple(unused), joints.chosen)
+    notes = (*recorded.notes, *(times.order.notes if times else ()))
+    return ReadingGrid(
+        recorded, period_s, times, sources, tuple(unused), joints.chosen, joints.names, notes
+    )
+
+
+def _of_quaternions(recorded: RecordedSeries, told: dict[int, NameWords]) -> frozenset[int]:
+    series = recorded.series if recorded.is_table else ()
+    places = quaternions(series, [told[id(each)] for each in series])
+    return frozenset(id(series[k]) for k in places)
+
+
+def _sources(base: TimeBase, words: list[NameWords], period_s: float) -> Iterator[SeriesSum]:
+    """Readings on the grid, angles without their jumps."""
+    count = min(MOST_ROWS, int((base.end_s - base.begin_s) / period_s + 1e-6) + 1)
+    wanted_s = base.begin_s + np.arange(count) * period_s
+    for series, said in zip(base.series, words, strict=True):
+        turn = turn_of(series.values) if said.quantity in (POSITION, "") else 0.0
+        own = replace(series, values=unwrapped(series.values, turn)) if turn else series
+        values = on_grid(own, wanted_s)
+        if np.isfinite(values).sum() >= FEWEST_READINGS:
+            yield SeriesSum(((own, 1),), said, values, turn=turn)
 
 
 def rounded_rate(rate_hz: float) -> float:
@@ -140,44 +177,65 @@ def rounded_rate(rate_hz: float) -> float:
     return float(f"{rate_hz:.4g}")
 
 
-def _rate(kept: list[Series], times: RowTimes | None) -> float:
-    """Rate of the scans: that of the rows, or the fastest of a topic of the commonest rates."""
-    if times is not None:
-        found = 1.0 / times.period_s
-    else:
-        rates = [r for each in kept if (r := rounded_rate(each.rate_hz)) <= FASTEST_HZ]
-        if not rates:
-            raise RecordingError(
-                f"all topics come faster than {FASTEST_HZ:g} Hz; scans have at most that rate"
-            )
-        counts = Counter(rates)
-        found = max(counts, key=lambda rate: (counts[rate], rate))
-    if not SLOWEST_HZ * 0.99 <= found <= FASTEST_HZ * 1.01:
+def _rate(base: TimeBase, words: list[NameWords], times: RowTimes | None) -> float:
+    """Rate of the scans: the commonest of what a motor needs, or of anything; by the stamps."""
+    told = (CURRENT, EFFORT, TORQUE, POSITION, SPEED)
+    known = [
+        each
+        for each, said in zip(base.series, words, strict=True)
+        if said.quantity in told and COMMANDED not in said.qualifiers
+    ]
+    rates = [r for each in known or base.series if math.isfinite(r := rounded_rate(each.rate_hz))]
+    if times is not None and not known:
+        rates = [rounded_rate(1.0 / times.period_s)]
+    slow = [r for r in rates if r <= FASTEST_HZ * 1.01] or rates
+    if not slow:
+        raise RecordingError("no series has three readings one after the other; record longer")
+    counts = Counter(slow)
+    found = max(counts, key=lambda rate: (counts[rate], rate))
+    if found > FASTEST_HZ * 1.01:
+        return FASTEST_HZ
+    if found < SLOWEST_HZ * 0.99:
         raise RecordingError(
             f"readings come at {found:.4g} Hz; scans have {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz"
         )
     return rounded_rate(found)
 
 
-def _unused(series: Series, times: RowTimes | None, joints: RecordedJoints) -> str:
+class _Twins:
+    """Series that were recorded twice under two names."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[bool, bytes], str] = {}
+
+    def twin_of(self, series: Series, words: NameWords) -> str:
+        """Words on the series that this one repeats; a command is no reading."""
+        key = COMMANDED in words.qualifiers, series.values.tobytes()
+        first = self._known.setdefault(key, series.words)
+        return "" if first == series.words else f"the same readings as {first}"
+
+
+def _unused(
+    series: Series, words: NameWords, times: RowTimes | None, joints: RecordedJoints
+) -> str:
     """Why a series can be no channel; "" if it can."""
     if times is not None and series.words == times.column:
         return "times of the rows"
     if not series.changes:
-        return "constant"
+        return "constant" if np.isfinite(series.readings).any() else "empty"
     if joints.is_of_another(series):
         return f"of another joint than {joints.chosen}"
     finite = np.isfinite(series.readings)
-    if finite.sum() < FEWEST_READINGS or finite.mean() < 0.5:
-        return "most of its readings are missing"
-    return ""
+    if finite.sum() < FEWEST_READINGS:
+        return f"{int(finite.sum())} readings alone"
+    return no_reading(series, words, times is not None)
 
 
 def _worded(series: Series, times: RowTimes | None) -> NameWords:
     """Words of the name; a load that stands still in each recording was commanded."""
     place = series.place
     name = place.get("column") or f"{place['topic']}/{place['field']}"
-    words = words_of(name, place.get("type", ""))
+    words = words_of(name, place.get("type", ""), series.unit)
     steady = times is not None and series.words in times.split_by
     if words.quantity in (FORCE, TORQUE) and (steady or _is_stepped(series.readings)):
         words = replace(words, qualifiers=words.qualifiers | {COMMANDED})
@@ -187,20 +245,9 @@ def _worded(series: Series, times: RowTimes | None) -> NameWords:
 def _is_stepped(values: Array) -> bool:
     """Whether readings are those of a set point that is changed now and then."""
     finite = values[np.isfinite(values)]
+    if len(finite) < 2:
+        return False
     return len(np.unique(finite)) <= 5 and float(np.mean(np.diff(finite) != 0.0)) < 0.01
-
-
-def _on_grid(series: Series, times: RowTimes | None, period_s: float) -> Array:
-    readings = series.readings
-    if times is None:
-        finite = np.isfinite(readings)
-        at, values = series.times_s[finite], readings[finite]
-        count = min(MOST_ROWS, int(series.times_s[-1] / period_s) + 1)
-        wanted = np.arange(count) * period_s
-        return np.asarray(np.interp(wanted, at, values, left=np.nan, right=np.nan))
-    # Rows of a table are as good as even; a gap of one row keeps recordings apart.
-    values = np.insert(readings, np.array(times.starts[1:], dtype=int), np.nan)
-    return np.asarray(values[:MOST_ROWS], dtype=np.float64)
 
 
 def _sums(sources: tuple[SeriesSum, ...], period_s: float) -> list[SeriesSum]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.core.symbolic.unit import dimension
@@ -13,41 +14,55 @@ FORCE, TORQUE, EFFORT, TEMPERATURE = "force", "torque", "effort", "temperature"
 OTHER = "other"
 QUANTITIES: dict[str, str] = {
     **dict.fromkeys(
-        ("position", "pos", "displacement", "stroke", "extension", "angle", "lvdt", "encoder"),
+        ("position", "pos", "displacement", "stroke", "extension", "angle", "lvdt", "encoder",
+         "potentiometer", "pot", "travel", "theta", "elongation", "positions", "angles", "q",
+         "lage", "weg", "winkel", "hub", "posn"),
         POSITION,
     ),
-    **dict.fromkeys(("potentiometer", "pot", "travel", "theta", "elongation"), POSITION),
-    **dict.fromkeys(("speed", "velocity", "vel", "omega", "rpm", "rate", "tacho"), SPEED),
     **dict.fromkeys(
-        ("current", "curr", "amps", "ampere", "amp", "i", "iq", "imot", "amperage"), CURRENT
+        ("speed", "velocity", "vel", "omega", "rpm", "rate", "tacho", "velocities", "speeds", "qd",
+         "dq", "qdot", "geschwindigkeit", "drehzahl", "vitesse"),
+        SPEED,
     ),
-    **dict.fromkeys(("voltage", "volt", "volts", "u", "uq", "umot"), VOLTAGE),
-    **dict.fromkeys(("force", "loadcell", "thrust", "tension", "fz", "fx", "fy"), FORCE),
-    **dict.fromkeys(("torque", "moment", "tq", "tau"), TORQUE),
-    "effort": EFFORT,
     **dict.fromkeys(
-        ("temperature", "temp", "celsius", "kelvin", "fahrenheit", "thermo", "thermocouple"),
+        ("current", "curr", "amps", "ampere", "amp", "i", "iq", "imot", "amperage", "currents",
+         "strom", "cur", "courant"),
+        CURRENT,
+    ),
+    **dict.fromkeys(
+        ("voltage", "volt", "volts", "u", "uq", "umot", "voltages", "spannung"), VOLTAGE
+    ),
+    **dict.fromkeys(
+        ("force", "loadcell", "thrust", "tension", "fz", "fx", "fy", "forces", "kraft"), FORCE
+    ),
+    **dict.fromkeys(
+        ("torque", "moment", "tq", "tau", "torques", "moments", "drehmoment", "trq"), TORQUE
+    ),
+    **dict.fromkeys(("effort", "efforts"), EFFORT),
+    **dict.fromkeys(
+        ("temperature", "temp", "celsius", "kelvin", "fahrenheit", "thermo", "thermocouple",
+         "temperatures", "temps", "temperatur"),
         TEMPERATURE,
     ),
     **dict.fromkeys(
-        ("error", "err", "accel", "acceleration", "acc", "vibration", "pressure", "power"), OTHER
-    ),
-    **dict.fromkeys(
-        (
-            "energy",
-            "percentage",
-            "charge",
-            "capacity",
-            "humidity",
-            "count",
-            "counter",
-            "index",
-            "id",
-        ),
+        ("error", "err", "accel", "acceleration", "acc", "vibration", "pressure", "power",
+         "energy", "percentage", "charge", "capacity", "humidity", "count", "counter", "index",
+         "id", "accelerations", "qdd", "ddq", "tcp", "pose", "cartesian", "imu", "gyro",
+         "orientation", "quaternion", "quat", "qw", "qx", "qy", "qz", "timestep", "timestamp",
+         "duty", "pwm", "odom", "battery", "cartesian", "jerk", "gps", "feedrate"),
         OTHER,
     ),
-}
+}  # fmt: skip
 """Word -> quantity; the last word of a name that has one decides, but for ``OTHER``."""
+WEAK = frozenset({
+    "mode", "status", "line", "number", "seq", "step", "frame", "flag", "flags", "code", "program",
+    "block", "bits", "mask", "uptime", "nr", "sequence", "row", "time", "stamp", "tick", "cycle",
+    "state", "scaling",
+})  # fmt: skip
+"""Words of columns that no sensor fills, where no other word says a quantity."""
+COMPOUNDS = ("strom", "drehzahl", "spannung", "winkel", "temperatur", "kraft", "geschwindigkeit",
+             "position", "drehmoment", "weg")  # fmt: skip
+"""Words that others end on, in German."""
 LETTERS = {"x": POSITION, "f": FORCE, "n": SPEED, "phi": POSITION}
 """Names of one letter that stand alone."""
 COMMANDED, ERROR = "commanded", "error"
@@ -56,7 +71,7 @@ QUALIFIERS: dict[str, str] = {
         ("commanded", "command", "cmd", "setpoint", "target", "desired", "demand", "demanded"),
         COMMANDED,
     ),
-    **dict.fromkeys(("reference", "ref", "sp", "set", "goal", "wanted"), COMMANDED),
+    **dict.fromkeys(("reference", "ref", "sp", "set", "goal", "wanted", "soll"), COMMANDED),
     **dict.fromkeys(("error", "err", "deviation", "lag"), ERROR),
     **dict.fromkeys(("ambient", "air", "room", "environment", "env", "lab", "outside"), "ambient"),
     **dict.fromkeys(
@@ -68,11 +83,14 @@ QUALIFIERS: dict[str, str] = {
     **dict.fromkeys(
         ("surface", "aileron", "flap", "rudder", "elevator", "hinge", "crank"), "surface"
     ),
-    **dict.fromkeys(("supply", "bus", "battery", "psu", "dc", "mains"), "supply"),
+    **dict.fromkeys(("supply", "bus", "battery", "psu", "dc", "mains", "robot"), "supply"),
 }
 """Word -> what it says of a channel."""
 
 UNITS: dict[str, str] = {
+    **dict.fromkeys(("r/min", "1/min", "u/min", "min-1", "1_min", "min^-1"), "rpm"),
+    **dict.fromkeys(("grad", "degs"), "deg"),
+    **dict.fromkeys(("°/s", "grad/s"), "deg/s"),
     **dict.fromkeys(("um", "mm", "cm", "in", "ft", "rad", "mrad", "deg", "rev", "rpm"), ""),
     **dict.fromkeys(("mA", "mV", "kV", "V", "A", "N", "kN", "lbf", "kgf", "m"), ""),
     **dict.fromkeys(("mm/s", "in/s", "m/s", "rad/s", "deg/s", "rev/s", "degC", "degF", "K"), ""),
@@ -110,21 +128,28 @@ _BY_SI = {
     "N": FORCE, "N*m": TORQUE, "degC": TEMPERATURE,
 }  # fmt: skip
 
+_JOINT = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
+_TYPES: dict[str, dict[str, str]] = {
+    "JointState": _JOINT,
+    "DynamicJointState": {**_JOINT, "temperature": "degC", "voltage": "V", "current": "A"},
+    "JointTrajectoryControllerState": {
+        "positions": "rad", "velocities": "rad/s", "effort": "N*m",
+    },
+    "JointControllerState": {"process_value": "", "set_point": ""},
+    "Temperature": {"temperature": "degC"},
+    "BatteryState": {
+        "voltage": "V", "current": "A", "cell_voltage": "V", "temperature": "degC",
+    },
+    "WrenchStamped": {"force": "N", "torque": "N*m"},
+    "Wrench": {"force": "N", "torque": "N*m"},
+}  # fmt: skip
 TYPED: dict[tuple[str, str], str] = {
-    ("JointState", "velocity"): "rad/s",
-    ("JointState", "position"): "rad",
-    ("JointState", "effort"): "N*m",
-    ("Temperature", "temperature"): "degC",
-    ("BatteryState", "voltage"): "V",
-    ("BatteryState", "current"): "A",
-    ("BatteryState", "cell_voltage"): "V",
-    ("BatteryState", "temperature"): "degC",
-    ("WrenchStamped", "force"): "N",
-    ("WrenchStamped", "torque"): "N*m",
-    ("Wrench", "force"): "N",
-    ("Wrench", "torque"): "N*m",
+    (kind, field): unit for kind, fields in _TYPES.items() for field, unit in fields.items()
 }
 """Message type and field -> unit by the definition of the message, which not every sender keeps."""
+_AXES = {("i", "q"), ("u", "q")}
+"""Letters of the torque axis of a motor that a mark parts."""
+_CONTROLLER = "JointTrajectoryControllerState"
 
 
 @dataclass(frozen=True)
@@ -158,25 +183,24 @@ def quantity_of(unit: str) -> str:
     return OTHER
 
 
-def words_of(name: str, message: str = "") -> NameWords:
-    """What a name says: that of a column, or topic and field of a message."""
+def words_of(name: str, message: str = "", written: str = "") -> NameWords:
+    """What a name says: that of a column, or topic and field of a message.
+
+    ``written``: its unit in a row of units; "" for none.
+    """
     parts = [name] if not message else [p for p in _STEPS.split(name) if p not in _CARRIERS]
     words = [word.lower() for part in parts for word in _WORD.findall(part)]
-    said = [QUANTITIES[word] for word in words if word in QUANTITIES]
-    quantity = OTHER if OTHER in said else (said[-1] if said else "")
-    if not said and {"setpoint", "point", "at"} & set(words):
-        quantity = POSITION
-    if not said and "ambient" in (QUALIFIERS.get(word) for word in words):
-        quantity = TEMPERATURE
-    if not said and len(words) == 1:
-        quantity = LETTERS.get(words[0], "")
-    unit = next((u for part in reversed(parts) if (u := _unit(part, quantity))), "")
+    quantity = _quantity_in(words)
+    unit = unit_of(f"[{written}]", quantity) if written else ""
+    unit = unit or next((u for part in reversed(parts) if (u := unit_of(part, quantity))), "")
     if not quantity and unit:
         quantity = quantity_of(unit)
     if not quantity and "load" in words:
         quantity = FORCE
     if quantity == FORCE and unit and quantity_of(unit) == TORQUE:
         quantity = TORQUE
+    if not quantity and WEAK & set(words):
+        quantity = OTHER
     kind = message.rpartition("/")[2]
     typed = next((u for (k, f), u in TYPED.items() if k == kind and f in parts), "")
     if typed and not quantity:
@@ -184,10 +208,31 @@ def words_of(name: str, message: str = "") -> NameWords:
     if typed and quantity not in (EFFORT, quantity_of(typed)):
         typed = ""
     qualifiers = frozenset(QUALIFIERS[word] for word in words if word in QUALIFIERS)
+    if kind == _CONTROLLER and "output" in words:
+        qualifiers = (qualifiers - {"load"}) | {COMMANDED}
     return NameWords(quantity, qualifiers, unit, typed)
 
 
-def _unit(part: str, quantity: str) -> str:
+def _quantity_in(words: list[str]) -> str:
+    """Quantity that the words of a name say."""
+    joined = ["".join(pair) for pair in pairwise(words) if pair in _AXES]
+    said = [q for word in words if (q := QUANTITIES.get(word) or _compound(word))]
+    if joined:
+        return QUANTITIES[joined[0]]
+    if said:
+        return OTHER if OTHER in said else said[-1]
+    if {"setpoint", "point", "at"} & set(words):
+        return POSITION
+    if "ambient" in (QUALIFIERS.get(word) for word in words):
+        return TEMPERATURE
+    return LETTERS.get(words[0], "") if len(words) == 1 else ""
+
+
+def _compound(word: str) -> str:
+    return next((QUANTITIES[end] for end in COMPOUNDS if word.endswith(end)), "")
+
+
+def unit_of(part: str, quantity: str) -> str:
     """Unit that a name ends on, if it is one of its quantity."""
     found = _ENDING.search(part.strip().lower())
     ending = found[1] if found else (_WORD.findall(part) or [""])[-1].lower()

@@ -1,0 +1,47 @@
+"""Which stamps of a bag are times: those of the headers, unless they stand still or disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+STILL = 0.5
+"""Share of the messages of a topic that may repeat the stamp of the one before."""
+MOST_APART_NS = 2_000_000_000
+"""Difference of two topics' clocks from which on they are two clocks."""
+FEWEST = 10
+
+
+def received_topics(
+    stamps_ns: Mapping[str, Sequence[int]], logs_ns: Mapping[str, Sequence[int]]
+) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Topics whose times of receipt serve instead of their stamps, and why, a line each.
+
+    Parameters
+    ----------
+    stamps_ns, logs_ns
+        Topic -> stamp and time of receipt of each message, in order of receipt.
+    """
+    received, notes = set(), []
+    for topic, stamps in stamps_ns.items():
+        steps = np.diff(np.asarray(stamps, dtype=np.int64))
+        if len(steps) >= FEWEST and float(np.mean(steps == 0)) > STILL:
+            moved = np.diff(np.asarray(logs_ns[topic], dtype=np.int64))
+            if float(np.mean(moved == 0)) < STILL:
+                received.add(topic)
+                notes.append(f"{topic}: its stamps stand still: times of receipt are taken instead")
+    offsets = {
+        topic: float(np.median(np.subtract(stamps, logs_ns[topic])))
+        for topic, stamps in stamps_ns.items()
+        if len(stamps) >= FEWEST and topic not in received
+    }
+    offsets |= dict.fromkeys(received, 0.0)
+    if offsets and max(offsets.values()) - min(offsets.values()) > MOST_APART_NS:
+        apart_s = (max(offsets.values()) - min(offsets.values())) * 1e-9
+        notes.append(
+            f"stamps of its topics are of clocks {apart_s:.4g} s apart: times of receipt are taken "
+            "for all"
+        )
+        return frozenset(stamps_ns), tuple(notes)
+    return frozenset(received), tuple(notes)

@@ -1,0 +1,154 @@
+"""Recordings in bags, by the topics that the mapping of a stand names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from flea_diag.errors import RecordingError, WireError, shown
+from flea_diag.tools.recordings.bag_clocks import received_topics
+from flea_diag.tools.recordings.mapped_recording import MappedRecording, checked
+from flea_diag.tools.recordings.senders import Senders, Signature
+from flea_diag.tools.recordings.source_checks import check_rate
+from flea_diag.wire.bags.foreign_bag import ForeignBag
+from flea_diag.wire.records import Scan
+from flea_diag.wire.sources.mapping import SourceMapping
+from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
+from flea_diag.wire.sources.scan_grid import ScanGrid
+
+MOST_SCANS = 5_000_000
+FEWEST_SCANS = 10
+"""Scans of a piece of a bag that is a recording of its own."""
+
+
+class _Read(NamedTuple):
+    """Readings of one message."""
+
+    topic: str
+    stamp_ns: int
+    log_ns: int
+    sender: Signature | None
+    values: list[tuple[int, float]]
+
+
+def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
+    """Recordings of a bag: one, or as many as its clock was set back in between.
+
+    Raises
+    ------
+    RecordingError
+        It lacks what the mapping names, or what it holds contradicts the mapping.
+    """
+    wanted = mapping.topics
+    if "" in wanted or not wanted:
+        raise RecordingError(f"{path} is a bag, {mapping.where} names columns: name a table")
+    bag = ForeignBag(path)
+    for topic, kind in wanted.items():
+        _check_topic(path, topic, kind, bag.topics, mapping)
+    read, senders = _read(path, bag, mapping)
+    received, said = received_topics(
+        {topic: [e.stamp_ns for e in read if e.topic == topic] for topic in wanted},
+        {topic: [e.log_ns for e in read if e.topic == topic] for topic in wanted},
+    )
+    out = {topic: senders.left_out(topic) for topic in wanted}
+    notes = [
+        f"{path}: {words}" for words in (*said, *(n for t in wanted for n in senders.notes(t)))
+    ]
+    stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
+    grid, pieces = ScanGrid(mapping), [list[Scan]()]
+    for each in read:
+        if each.sender in out[each.topic]:
+            continue
+        stamp_ns = each.log_ns if each.topic in received else each.stamp_ns
+        stamps[each.topic].append(stamp_ns)
+        streams = grid.streams
+        made = list(grid.push(stamp_ns, each.values))
+        pieces[-1] += made
+        if grid.streams > streams > 0:
+            pieces.append([])
+    pieces[-1] += grid.finish()
+    for row in mapping.channels:
+        topic = row.terms[0].topic
+        words = check_rate(f"{path}: {topic}", mapping, [row], np.array(stamps[topic]))
+        notes += [words] if words else []
+    yield from _cut(path, mapping, pieces, grid, (*bag.losses[:3], *notes))
+
+
+def _cut(
+    path: Path,
+    mapping: SourceMapping,
+    pieces: list[list[Scan]],
+    grid: ScanGrid,
+    notes: tuple[str, ...],
+) -> Iterator[MappedRecording]:
+    name = path.name.removesuffix(path.suffix)
+    kept = [piece for piece in pieces if len(piece) >= FEWEST_SCANS] or pieces[:1]
+    if len(kept) > 1:
+        notes = (*notes, f"{path}: its clock was set {len(kept) - 1} times: {len(kept)} recordings")
+    for number, piece in enumerate(kept, 1):
+        own = f"{name}_{number}" if len(kept) > 1 else name
+        made = checked(str(path), own, mapping, piece, grid, notes if number == 1 else ())
+        yield made if number == 1 else replace(made, warnings=())
+
+
+def _read(path: Path, bag: ForeignBag, mapping: SourceMapping) -> tuple[list[_Read], Senders]:
+    """Readings of all messages of the mapped topics, in order of receipt."""
+    terms, senders = MessageTerms(mapping), Senders()
+    read: list[_Read] = []
+    last: dict[str, object] = {}
+    written = {topic.lstrip("/"): topic for topic in mapping.topics}
+    for plain, log_ns, content in bag.messages(written):
+        topic = written[plain]
+        try:
+            values = terms.read(topic, content)
+        except WireError as error:
+            raise RecordingError(
+                f"{path}: {topic}: {error}; correct its field in {mapping.where}"
+            ) from error
+        last[topic] = content
+        sender = senders.add(topic, content)
+        if values:
+            read.append(_Read(topic, stamp_of(content, log_ns), log_ns, sender, values))
+        if len(read) > MOST_SCANS:
+            raise RecordingError(f"{path}: more than {MOST_SCANS} messages; split the bag")
+    _check_found(path, mapping, terms, last)
+    return read, senders
+
+
+def _check_topic(
+    path: Path, topic: str, kind: str, known: dict[str, str], mapping: SourceMapping
+) -> None:
+    channel = next(r.channel for r in mapping.channels for t in r.terms if t.topic == topic)
+    name = topic.lstrip("/")
+    if name not in known:
+        has = ", ".join(f"{has} ({known[has]})" for has in sorted(known)[:20])
+        raise RecordingError(
+            f"{path} has no topic {topic}, the source of {channel} in {mapping.where}; it has "
+            f"{has or 'none'}"
+        )
+    if known[name] != kind:
+        raise RecordingError(
+            f"{path}: {topic} is of type {shown(known[name])[1:-1]}, {mapping.where} says {kind}; "
+            "correct the type there"
+        )
+
+
+def _check_found(
+    path: Path, mapping: SourceMapping, terms: MessageTerms, last: dict[str, object]
+) -> None:
+    """Every place that the mapping names was there at least once."""
+    for number, term in enumerate(mapping.terms):
+        if number in terms.found or term.path is None:
+            continue
+        if term.topic not in last:
+            raise RecordingError(f"{path}: {term.topic} has no messages; record it again")
+        names = term.path.names_in(last[term.topic])
+        has = f"its elements are {', '.join(names[:20])}" if names else "it has too few elements"
+        raise RecordingError(
+            f"{path}: {term.topic} has no element {term.path}: {has}; correct the field in "
+            f"{mapping.where}"
+        )

@@ -1,0 +1,45 @@
+"""Reads all series of a recording, a table or a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flea_diag.errors import RecordingError
+from flea_diag.tools.series.recorded_bag import recorded_bag
+from flea_diag.tools.series.recorded_series import RecordedSeries, Series
+from flea_diag.tools.tables.readers import read_table, suffix_of
+
+MOST_SERIES = 400
+
+
+def recorded_series(path: Path) -> RecordedSeries:
+    """Read all series of a table or bag.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or holds no series of numbers.
+    """
+    found = _of_table(path) if suffix_of(path) else recorded_bag(path)
+    if not found.series:
+        has = ", ".join(found.silent[:20]) or "nothing"
+        raise RecordingError(f"{path} holds no series of numbers to make channels of, only {has}")
+    return found
+
+
+def _of_table(path: Path) -> RecordedSeries:
+    table = read_table(path)
+    if len(table.columns) > MOST_SERIES:
+        raise RecordingError(
+            f"{path} has {len(table.columns)} columns, at most {MOST_SERIES} are read: leave those "
+            "of other parts out"
+        )
+    count = len(next(iter(table.columns.values()), ()))
+    rows = np.arange(count, dtype=np.float64)
+    series = tuple(
+        Series({"column": name}, rows, values, table.units.get(name, ""), name in table.moments)
+        for name, values in table.columns.items()
+    )
+    return RecordedSeries(path, True, series, table.texts, table.notes)

@@ -1,0 +1,1 @@
+"""Tables of others, in any format that people keep recordings in."""

@@ -1,0 +1,64 @@
+"""Flight logs of PX4 (ULog), by pyulog: topics of their own rates on the rows of all stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import RecordingError, shown
+from flea_diag.tools.extra import require
+from flea_diag.tools.tables.table import MOST_CELLS, Table, places
+from flea_diag.wire.bags.budget import Budget
+
+TIME = "timestamp_us"
+MOST_COLUMNS = 200
+_PADDING = ("_padding", "timestamp")
+
+
+def ulog(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+    """Fields as ``topic/field``, empty in the rows of other topics, and ``timestamp_us``.
+
+    Of all fields those of the first topics are read, until there are ``MOST_COLUMNS`` that change.
+    """
+    require("ulog", str(path))
+    from pyulog import ULog
+
+    budget.unpack(stream.seek(0, 2))
+    stream.seek(0)
+    try:
+        log = ULog(stream)
+    except Exception as error:  # whatever pyulog makes of damaged bytes
+        raise RecordingError(f"{path}: not a ULog file: {shown(str(error))}") from error
+    fields = {
+        f"{data.name}_{data.multi_id}/{name}": (data.data["timestamp"], values)
+        for data in log.data_list
+        for name, values in data.data.items()
+        if not name.startswith(_PADDING) and values.dtype.kind in "fiu"
+    }
+    if wanted is None:
+        changing = [n for n, (_, values) in fields.items() if np.ptp(values) > 0]
+        names, texts = changing[:MOST_COLUMNS], changing[MOST_COLUMNS:]
+    else:
+        places(path, wanted, [TIME, *fields])
+        names, texts = [name for name in wanted if name != TIME], []
+    return _merged(path, {name: fields[name] for name in names}, tuple(texts))
+
+
+def _merged(path: Path, fields: dict[str, Any], texts: tuple[str, ...]) -> Table:
+    stamps = [times for times, _ in fields.values()]
+    rows: npt.NDArray[Any] = np.unique(np.concatenate(stamps)) if stamps else np.zeros(0)
+    if len(rows) * (len(fields) + 1) > MOST_CELLS:
+        raise RecordingError(
+            f"{path}: {len(fields)} fields with {len(rows)} stamps, at most {MOST_CELLS} cells are "
+            "read; cut the log, or convert the topics of the actuator alone (ulog2csv -m TOPIC)"
+        )
+    columns = {TIME: rows.astype(np.float64)}
+    for name, (times, values) in fields.items():
+        column = np.full(len(rows), np.nan)
+        column[np.searchsorted(rows, times)] = values
+        columns[name] = column
+    return Table(columns, {TIME: "us"}, texts)
