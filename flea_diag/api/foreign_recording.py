@@ -11,7 +11,7 @@ from flea_diag.api.columns import TIMES, recording_of
 from flea_diag.api.recording import Recording, kept
 from flea_diag.api.stand_facts import channels_of, files_of, mapping_of
 from flea_diag.errors import RecordingError, shown
-from flea_diag.tools.recordings.table import header_of, read_table, stem_of, suffix_of
+from flea_diag.tools.tables.readers import read_table, stem_of, suffix_of
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.sources.mapping import MAPPED, SourceMapping
 from flea_diag.wire.topics import TOPIC_OF
@@ -48,7 +48,7 @@ def _of_the_flea(path: Path, stand: Stand | None) -> Recording:
 
 
 def _mapped(path: Path, stand: Stand, mapping: SourceMapping, part: str) -> Recording:
-    from flea_diag.tools.recordings.mapped_recording import mapped_recordings
+    from flea_diag.tools.recordings.mapped_source import mapped_recordings
 
     found = {each.name: each for each in mapped_recordings(path, mapping)}
     if not part and len(found) > 1:
@@ -74,15 +74,16 @@ def _records(recording: Any) -> Iterator[Record]:
 
 def _named_table(path: Path, stand: Stand | None) -> Recording:
     """A table whose columns are called as the channels are, such as ``flea export`` writes."""
-    header = header_of(path)
-    if not any(name in header for name in TIMES):
+    columns = read_table(path).columns
+    if not any(name in columns for name in TIMES):
         raise RecordingError(
             f"{path} has no column {' or '.join(TIMES)}, so its columns are not known: write a "
             f"stand with flea stand new ./mine --from {path} and open it with stand='./mine'"
         )
     known = files_of(stand)
-    names = [name for name in header if name in (*TIMES, *channels_of(known))]
-    made = recording_of(read_table(path, names), known, name=stem_of(path))
+    names = (*TIMES, *channels_of(known))
+    named = {name: values for name, values in columns.items() if name in names}
+    made = recording_of(named, known, name=stem_of(path))
     return kept(made.name, made.records((object,)), known if stand is not None else None)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, shown
-from flea_diag.tools.tables.table import MOST_CELLS, Table, places
+from flea_diag.tools.tables.table import MOST_CELLS, ColumnTable, places
 
 MOST_WIDE = 64
 """Columns of a matrix that are looked at: a wider one is an image."""
@@ -32,7 +32,7 @@ def columns_of(
     arrays: Mapping[str, npt.NDArray[Any]],
     wanted: Sequence[str] | None,
     left_out: Sequence[str] = (),
-) -> Table:
+) -> ColumnTable:
     """Columns of arrays in memory.
 
     Vectors are columns of their name, matrices of their name with a number: ``q_0``, ``q_1``.
@@ -76,7 +76,7 @@ def columns_of(
     if rows * len(names) > MOST_CELLS:
         raise RecordingError(f"{path}: more than {MOST_CELLS} cells; cut the file")
     kept = {name: _numbers(found[name]) for name in names}
-    return Table(kept, {}, tuple(texts), frozenset(moments), tuple(notes))
+    return ColumnTable(kept, {}, tuple(texts), frozenset(moments), tuple(notes))
 
 
 def _named(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[tuple[str, int], str]:

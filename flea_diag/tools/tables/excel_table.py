@@ -11,12 +11,14 @@ from typing import IO, Any
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.tools.extra import require
-from flea_diag.tools.tables.table import Table
+from flea_diag.tools.tables.table import ColumnTable
 from flea_diag.tools.tables.text_table import table_of_lines
 from flea_diag.wire.bags.budget import Budget
 
 
-def excel(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def excel(
+    path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """Columns of the first sheet that has two rows."""
     require("excel", str(path))
     from openpyxl import load_workbook

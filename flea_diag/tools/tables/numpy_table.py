@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.tools.tables.arrays import columns_of
-from flea_diag.tools.tables.table import MOST_CELLS, Table
+from flea_diag.tools.tables.table import MOST_CELLS, ColumnTable
 from flea_diag.wire.bags.budget import Budget
 
 
-def npz(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def npz(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> ColumnTable:
     """Columns of an NPZ file; Python objects in it are not loaded."""
     arrays: dict[str, npt.NDArray[Any]] = {}
     objects = []
@@ -37,7 +37,7 @@ def npz(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Bud
     return columns_of(path, arrays, wanted, objects)
 
 
-def npy(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def npy(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> ColumnTable:
     """Columns of one array: ``column_0``, ``column_1``, or the fields of a record array."""
     size = stream.seek(0, 2)
     stream.seek(0)

@@ -13,14 +13,16 @@ from flea_diag.errors import RecordingError, shown
 from flea_diag.tools.extra import require
 from flea_diag.tools.tables.arrays import MOST_WIDE, columns_of
 from flea_diag.tools.tables.cells import moment_s, number
-from flea_diag.tools.tables.table import Table
+from flea_diag.tools.tables.table import ColumnTable
 from flea_diag.wire.bags.budget import Budget
 
 MOST_TEXT = 0.05
 """Share of the texts of a column of numbers that may be none."""
 
 
-def parquet(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def parquet(
+    path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """Columns of a Parquet file; lists of one length are a column for each element."""
     require("parquet", str(path))
     import pyarrow

@@ -10,7 +10,7 @@ from flea_diag.errors import RecordingError
 from flea_diag.tools.tables.excel_table import excel
 from flea_diag.tools.tables.numpy_table import npy, npz
 from flea_diag.tools.tables.parquet_table import parquet
-from flea_diag.tools.tables.table import Table
+from flea_diag.tools.tables.table import ColumnTable
 from flea_diag.tools.tables.text_table import gzipped, text_table
 from flea_diag.tools.tables.tree_table import hdf5, mat
 from flea_diag.tools.tables.ulog_table import ulog
@@ -18,7 +18,7 @@ from flea_diag.wire.bags.budget import Budget
 from flea_diag.wire.regular_file import opened
 
 FILE_LIMIT_BYTES = 1 << 30
-Reader = Callable[[Path, IO[bytes], Sequence[str] | None, Budget], Table]
+Reader = Callable[[Path, IO[bytes], Sequence[str] | None, Budget], ColumnTable]
 READERS: dict[str, Reader] = {
     ".csv": text_table,
     ".csv.gz": gzipped,
@@ -40,7 +40,7 @@ READERS: dict[str, Reader] = {
 """Ending of a file's name -> its reader."""
 
 
-def read_table(path: Path, wanted: Sequence[str] | None = None) -> Table:
+def read_table(path: Path, wanted: Sequence[str] | None = None) -> ColumnTable:
     """The wanted columns of a table, or all that hold numbers.
 
     Raises

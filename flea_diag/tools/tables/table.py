@@ -16,7 +16,7 @@ MOST_CELLS = 50_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ColumnTable:
     """Columns of numbers, all of one length; NaN where a cell is empty.
 
     Parameters

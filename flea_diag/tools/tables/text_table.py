@@ -16,7 +16,7 @@ import numpy as np
 from flea_diag.errors import RecordingError, shown
 from flea_diag.tools.tables.cells import MISSING, moment_s, number
 from flea_diag.tools.tables.dialect import BLANKS, Dialect, dialect_of, encoding_of
-from flea_diag.tools.tables.table import MOST_CELLS, Table, places, unique
+from flea_diag.tools.tables.table import MOST_CELLS, ColumnTable, places, unique
 from flea_diag.wire.bags.budget import Budget
 
 LONGEST_LINE = 100_000
@@ -27,7 +27,9 @@ MOST_BAD = 0.05
 """Share of the cells of a column, or of the rows of a table, that may be damaged."""
 
 
-def gzipped(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def gzipped(
+    path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """A table of text that is packed."""
     try:
         with gzip.GzipFile(fileobj=stream) as plain:
@@ -36,14 +38,16 @@ def gzipped(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget:
         raise RecordingError(f"{path}: cannot be unpacked: {error}") from error
 
 
-def text_table(path: Path, stream: Any, wanted: Sequence[str] | None, budget: Budget) -> Table:
+def text_table(
+    path: Path, stream: Any, wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """The wanted columns, or all that hold numbers."""
     encoding = encoding_of(path, stream.read(SAMPLE_BYTES))
     stream.seek(0)
     return table_of_lines(path, _lines(path, stream, encoding, budget), wanted)
 
 
-def table_of_lines(path: Path, lines: Iterator[str], wanted: Sequence[str] | None) -> Table:
+def table_of_lines(path: Path, lines: Iterator[str], wanted: Sequence[str] | None) -> ColumnTable:
     """Columns of a table by the lines of its text."""
     head = list(itertools.islice(lines, SAMPLE_LINES))
     dialect = dialect_of(path, head)
@@ -62,7 +66,7 @@ def table_of_lines(path: Path, lines: Iterator[str], wanted: Sequence[str] | Non
 
 def _table(
     path: Path, columns: Sequence[_Column], rows: _Rows, dialect: Dialect, all_of_them: bool
-) -> Table:
+) -> ColumnTable:
     rows.check()
     if all_of_them:
         texts = tuple(each.name for each in columns if each.is_text)
@@ -73,7 +77,7 @@ def _table(
             each.check(path)
     said = [note for each in columns if (note := each.note())]
     units = dict(zip(dialect.header.names, dialect.header.units, strict=False))
-    return Table(
+    return ColumnTable(
         {each.name: np.array(each.values) for each in columns},
         {name: unit for name, unit in units.items() if unit},
         texts,

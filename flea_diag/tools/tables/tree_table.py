@@ -12,14 +12,14 @@ import numpy.typing as npt
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.tools.extra import require
 from flea_diag.tools.tables.arrays import columns_of
-from flea_diag.tools.tables.table import MOST_CELLS, Table
+from flea_diag.tools.tables.table import MOST_CELLS, ColumnTable
 from flea_diag.wire.bags.budget import Budget
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 8
 
 
-def mat(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def mat(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> ColumnTable:
     """Variables of a MAT file, fields of structures as ``run.current``."""
     head = stream.read(600)
     stream.seek(0)
@@ -49,7 +49,9 @@ def _leaves(tree: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[
             yield label, np.asarray(value)
 
 
-def hdf5(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def hdf5(
+    path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """Data sets of an HDF5 file, by their paths; their attribute ``units`` is their unit."""
     require("hdf5", str(path))
     import h5py
@@ -81,4 +83,4 @@ def hdf5(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Bu
         raise RecordingError(f"{path}: not an HDF5 file: {shown(str(error))}") from error
     table = columns_of(path, arrays, wanted, left_out)
     known = {name: units[name] for name in table.columns if units.get(name)}
-    return Table(table.columns, known, table.texts, table.moments, table.notes)
+    return ColumnTable(table.columns, known, table.texts, table.moments, table.notes)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.tools.extra import require
-from flea_diag.tools.tables.table import MOST_CELLS, Table, places
+from flea_diag.tools.tables.table import MOST_CELLS, ColumnTable, places
 from flea_diag.wire.bags.budget import Budget
 
 TIME = "timestamp_us"
@@ -19,7 +19,9 @@ MOST_COLUMNS = 200
 _PADDING = ("_padding", "timestamp")
 
 
-def ulog(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget) -> Table:
+def ulog(
+    path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Budget
+) -> ColumnTable:
     """Fields as ``topic/field``, empty in the rows of other topics, and ``timestamp_us``.
 
     Of all fields those of the first topics are read, until there are ``MOST_COLUMNS`` that change.
@@ -48,7 +50,7 @@ def ulog(path: Path, stream: IO[bytes], wanted: Sequence[str] | None, budget: Bu
     return _merged(path, {name: fields[name] for name in names}, tuple(texts))
 
 
-def _merged(path: Path, fields: dict[str, Any], texts: tuple[str, ...]) -> Table:
+def _merged(path: Path, fields: dict[str, Any], texts: tuple[str, ...]) -> ColumnTable:
     stamps = [times for times, _ in fields.values()]
     rows: npt.NDArray[Any] = np.unique(np.concatenate(stamps)) if stamps else np.zeros(0)
     if len(rows) * (len(fields) + 1) > MOST_CELLS:
@@ -61,4 +63,4 @@ def _merged(path: Path, fields: dict[str, Any], texts: tuple[str, ...]) -> Table
         column = np.full(len(rows), np.nan)
         column[np.searchsorted(rows, times)] = values
         columns[name] = column
-    return Table(columns, {TIME: "us"}, texts)
+    return ColumnTable(columns, {TIME: "us"}, texts)

@@ -96,5 +96,5 @@ def test_a_missing_package_is_named_with_the_command(
     names = {"xlsx": "excel", "h5": "hdf5", "ulg": "ulog", "parquet": "parquet"}
     monkeypatch.setitem(extra.PACKAGES, names[suffix], {"no_such_package": "no_such_package"})
     (tmp_path / f"run.{suffix}").write_bytes(b"x")
-    with pytest.raises(Exception, match="needs no_such_package, not installed: .*pip install"):
+    with pytest.raises(Exception, match=r"needs no_such_package, not installed: .*pip install"):
         read_table(tmp_path / f"run.{suffix}")
