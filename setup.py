@@ -83,6 +83,7 @@ EXTRAS = {
         "xarray>=2024.1",
         "pyarrow>=15",
         "argcomplete>=3.0",
+        "pyod>=3.0",
         *DOCS,  # test/project/test_site.py builds the site
     ],
 }

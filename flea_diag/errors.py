@@ -5,7 +5,8 @@ FleaError
 │   ├── RecordingError    a .data file or a bag; names file and position
 │   ├── ConfigurationError  a YAML file, a parameter or a command-line argument
 │   ├── CalibrationError  a calibration that does not fit, or runs unsuitable for calibration
-│   └── WireError         a message without a valid record of its topic
+│   ├── WireError         a message without a valid record of its topic
+│   └── DiagnoserError    a diagnoser of others that fails, or answers what is none
 └── ModelError            a bond graph without valid causality or equations
 
 Every command reports a ``FleaError`` as one line on standard error, with exit status 2; any other
@@ -67,6 +68,10 @@ class WireError(InputError):
     def __init__(self, words: str, kind: str = "layout") -> None:
         super().__init__(words)
         self.kind = kind
+
+
+class DiagnoserError(InputError):
+    """A diagnoser of others raises, ends, hangs, needs too much, or answers what is no answer."""
 
 
 class ModelError(FleaError):

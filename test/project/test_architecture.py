@@ -233,7 +233,8 @@ ARROWS = {
         "export": ("replay",),
         "campaign": ("calibrate", "recordings"),
         "score": ("campaign",),
-        "evaluate": ("campaign", "features", "replay", "score"),
+        "arena": (),
+        "evaluate": ("arena", "campaign", "features", "replay", "score"),
     },
     "flea_diag.web": {
         "": (),

@@ -148,10 +148,11 @@ def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
     return tuple(str(run.bag) for run in runs)
 
 
-def plan_sha256(campaign: Campaign, cases: Iterable[Case]) -> str:
+def plan_sha256(campaign: Campaign, cases: Iterable[Case], besides: str = "") -> str:
     """Digest of the runs and of what is right: guards against mixing results of two plans.
 
     That of the JSON list of both, taken piece by piece: as one text it would fill the memory.
+    ``besides`` is what else the results depend on, such as the text of a diagnoser of others.
     """
     digest = hashlib.sha256(b"[[")
     for number, case in enumerate(cases):
@@ -162,7 +163,7 @@ def plan_sha256(campaign: Campaign, cases: Iterable[Case]) -> str:
         text = json.dumps(content, sort_keys=True)
         digest.update((f", {text}" if number else text).encode())
     expected = json.dumps({k: list(v) for k, v in campaign.expect.items()}, sort_keys=True)
-    digest.update(f"], {expected}]".encode())
+    digest.update(f"], {expected}]{besides}".encode())
     return digest.hexdigest()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from itertools import groupby, islice
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
 from flea_diag.formats import stamped
+from flea_diag.tools.arena.entrant import Arena
 from flea_diag.tools.campaign.campaign import expected_of
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
@@ -34,6 +36,9 @@ DETAILS = "runs"
 MOST_SCANS = 2048
 """In a block."""
 
+ALONE = Arena()
+"""No diagnosers but ours."""
+
 Expect = Mapping[str, tuple[str, ...]]
 
 
@@ -44,6 +49,8 @@ class CaseDiagnosis:
     kept: list[Record | Block] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
     cpu_s: float = 0.0
+    peak_bytes: int = 0
+    """Of a process of its own; 0: the stage has none."""
     trace: RunTrace = field(default_factory=RunTrace)
 
     @property
@@ -64,11 +71,12 @@ class CaseDiagnosis:
                 self.kept.append(record)
 
 
-def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
+def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> RunResult:
     """Diagnose one run; any error becomes a failed line."""
     try:
         forget_peak()
-        done = diagnose(_records(case), _stage(case))
+        with closing(_stage(case, arena)) as stage:
+            done = diagnose(_records(case), stage)
         result, summary = _scored(case, expect, done)
         _write_detail(folder / result.detail, case, result, summary)
         write_trace(folder / result.detail, done.trace)
@@ -95,12 +103,26 @@ def _records(case: Case) -> Iterable[Record]:
     return records_of(case.recipe)
 
 
-def _stage(case: Case) -> Stage:
+@contextmanager
+def closing(stage: Stage) -> Iterator[Stage]:
+    """The stage, closed at the end whatever happens: it may have a process of its own."""
+    try:
+        yield stage
+    finally:
+        getattr(stage, "close", tuple)()
+
+
+def _stage(case: Case, arena: Arena) -> Stage:
     from flea_diag.configuration.stand import load_stand
     from flea_diag.tools.evaluate.baselines import Setting, baseline
 
     stand = load_stand(case.stand, calibration=case.calibration)
     bags = tuple(Path(bag) for bag in case.learned_from)
+    entrant = arena.find(case.configuration)
+    if entrant is not None:
+        from flea_diag.tools.arena.facts import foreign_stage
+
+        return foreign_stage(entrant, arena, stand, bags)
     setting = Setting(stand, bags, Path(case.classifier) if case.classifier else None)
     return baseline(case.configuration).make(setting)
 
@@ -122,6 +144,8 @@ def diagnose(records: Iterable[Record], stage: Stage) -> CaseDiagnosis:
     begin = clock()
     held: tuple[Record, ...] = getattr(stage, "finish", tuple)()
     done.cpu_s += clock() - begin
+    done.cpu_s += getattr(stage, "cpu_s", 0.0)
+    done.peak_bytes = getattr(stage, "peak_bytes", 0)
     done.take(held)
     return done
 
@@ -171,7 +195,7 @@ def _scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult,
         features_computed=computed,
         features_skipped=max((last.features_available if last else 0) - len(computed), 0),
         cpu_s=round(done.cpu_s, 6),
-        peak_memory_bytes=peak_bytes(),
+        peak_memory_bytes=done.peak_bytes or peak_bytes(),
         digest=summary["digest"],
         decision_digest=summary["decision_digest"],
         backend=numeric_backend(),

@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.argument import add_cluster, add_json
+from flea_diag.tools.argument import add_cluster, add_json, count, positive
 from flea_diag.tools.extra import require
 from flea_diag.tools.planned_runs import add_option, check_planned
 from flea_diag.tools.stand_option import add_stand
 from flea_diag.tools.terminal import IN_PART, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
+    from flea_diag.tools.arena.entrant import Arena
     from flea_diag.tools.campaign.campaign import Campaign
     from flea_diag.tools.campaign.case import Case
     from flea_diag.tools.campaign.result_log import ResultLog
@@ -34,6 +35,7 @@ examples:
   flea evaluate table4.yaml -o results/table4 -j 4   four processes; Ctrl-C stops, it can resume
   flea evaluate bags/ -o results/bags                every bag of a folder
   flea evaluate bags/ --stand ./mine                 bags of a stand of your own
+  flea evaluate small.yaml --diagnoser examples/limits.py:Limits     your own beside ours
   flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
 
 The same command resumes a campaign that was interrupted, and repeats runs that failed.
@@ -67,6 +69,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibration", metavar="FILE", help="calibration instead of the campaign's own"
     )
+    parser.add_argument(
+        "--diagnoser",
+        action="append",
+        default=[],
+        metavar="[LABEL=]WHO",
+        help="diagnoser of your own beside those of the campaign, repeatable: FILE.py:CLASS, "
+        "MODULE:CLASS, an entry point of flea_diag.diagnosers, process:COMMAND or node:COMMAND",
+    )
+    parser.add_argument(
+        "--limit-s",
+        type=positive,
+        default=120.0,
+        metavar="S",
+        help="time that one may take for a run (default %(default)s s)",
+    )
+    parser.add_argument(
+        "--memory-mb",
+        type=count,
+        default=1024,
+        metavar="MB",
+        help="memory that one may take (default %(default)s MB)",
+    )
     add_option(parser)
     parser.add_argument("--force", action="store_true", help="delete earlier results, start again")
     add_json(parser, "summary.json")
@@ -86,16 +110,19 @@ def run(arguments: argparse.Namespace) -> int:
     require("evaluate", "evaluate")
     jobs = _jobs(arguments.jobs)
     campaign = _on_stand(load_campaign(arguments.campaign), arguments)
+    arena = _arena(campaign, arguments)
+    labels = tuple(each.label for each in arena.entrants)
+    campaign = replace(campaign, configurations=(*campaign.configurations, *labels))
     folder: Path = (arguments.output or Path("evaluations") / campaign.name).resolve()
     recordings = RecordingSet(campaign, folder)
     planned = run_count(campaign, recordings)
     check_planned(planned, campaign.name, allow_large=arguments.allow_large)
     cases = plan(campaign, recordings)
-    work = partial(run_case, expect=dict(campaign.expect), folder=folder)
+    work = partial(run_case, expect=dict(campaign.expect), folder=folder, arena=arena)
     with held(folder):
         if arguments.force:
             _begin_anew(folder)
-        with ResultLog(folder, plan_sha256(campaign, cases)) as log:
+        with ResultLog(folder, plan_sha256(campaign, cases, arena.plan())) as log:
             done = log.done.values()
             finished = {key for key, result in log.done.items() if not result.failure}
             left = len(cases) - len(finished)
@@ -111,6 +138,15 @@ def run(arguments: argparse.Namespace) -> int:
                 raise
             quiet = arguments.quiet or arguments.json == "-"
             return _score(campaign, done, folder, arguments.drawn, quiet, arguments.json)
+
+
+def _arena(campaign: Campaign, arguments: argparse.Namespace) -> Arena:
+    """The diagnosers of others that are named, and what their runs may take."""
+    from flea_diag.tools.arena.entrant import Arena, entrants
+    from flea_diag.tools.evaluate.baselines import BASELINES
+
+    found = entrants(arguments.diagnoser, (*BASELINES, *campaign.configurations))
+    return Arena(found, arguments.limit_s, arguments.memory_mb)
 
 
 def _on_stand(campaign: Campaign, arguments: argparse.Namespace) -> Campaign:

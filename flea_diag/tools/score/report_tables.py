@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -47,8 +48,41 @@ def _table(source: str, kind: str, parts: Sequence[Part]) -> dict[str, Any]:
         "configurations": [part["configuration"] for part in parts],
         "paper": kind == "simulated" and any(row["paper"] for row in listed),
         "rows": [*listed, whole],
+        "leaders": _leaders(parts) if len(parts) > 1 else [],
         "parts": [_details(part) for part in parts],
     }
+
+
+def _leaders(parts: Sequence[Part]) -> list[dict[str, str]]:
+    """Diagnosers by their mean utility, the metric of the competitions, then by right answers."""
+
+    def rank(part: Part) -> tuple[float, float]:
+        utility, right = part["scores"]["utility"], part["scores"]["right"]["percent"]
+        return (-math.inf if utility is None else utility), right or 0.0
+
+    return [_leader(part) for part in sorted(parts, key=rank, reverse=True)]
+
+
+def _leader(part: Part) -> dict[str, str]:
+    scores = part["scores"]
+    shares = "right", "detection_accuracy", "false_positives", "false_negatives", "component_right"
+    detected, cpu = scores["detection_time_s"], scores["cpu_s"]
+    return {
+        "name": part["configuration"],
+        "utility": "" if scores["utility"] is None else f"{scores['utility']:.3f}",
+        **{name: _short(scores[name]) for name in shares},
+        "detected": "" if detected is None else f"{detected['median']:.2f}",
+        "cpu": "" if cpu is None else f"{cpu['mean']:.2f}",
+        "runs": str(scores["runs"]),
+        "failed": str(scores["failed"]),
+    }
+
+
+def _short(share: Mapping[str, Any]) -> str:
+    """Percentage with its interval, without the counts."""
+    if share["percent"] is None:
+        return ""
+    return f"{share['percent']:.1f} ({share['low_percent']:.0f} to {share['high_percent']:.0f})"
 
 
 def _cell(share: Mapping[str, Any]) -> dict[str, str]:

@@ -1,0 +1,1 @@
+"""The arena: diagnosers of others on the runs of a campaign, each in a process of its own."""
