@@ -19,6 +19,7 @@ from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.node_states import NodeStates
 from flea_diag.wire.bus.publishers import Publishers
+from flea_diag.wire.bus.reader import Reader
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
 from flea_diag.wire.bus.remote_service import RemoteService
 from flea_diag.wire.bus.subscription import Subscription
@@ -29,6 +30,8 @@ from flea_diag.wire.topics import TOPIC_OF, Topic
 P = TypeVar("P")
 
 POLL_S = 0.02
+LOOK_S = 1.0
+"""Period at which writers are looked for that offer less than is asked for."""
 
 SILENT = (UNCONFIGURED, INACTIVE)
 """States in which a node publishes nothing but its health."""
@@ -57,7 +60,7 @@ class Bus(NodeLog, Generic[P]):
         self._declared = declared
         self._finished = finished
         self.publishers = Publishers(node, self.topic_name)
-        self._subscriptions: dict[type, Any] = {}
+        self._readers: dict[type, Reader] = {}
         self._clock: Any = None
         self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
         self.state = ACTIVE
@@ -108,7 +111,7 @@ class Bus(NodeLog, Generic[P]):
         self._declared.on_change.clear()
         self.publishers.forget_but(Health)
         self._clock = None
-        self._subscriptions.clear()
+        self._readers.clear()
         self.streams.clear()
 
     @property
@@ -217,22 +220,28 @@ class Bus(NodeLog, Generic[P]):
         if depth is None:
             depth = READER_DEPTH if topic.latched else topic.depth
         stream = self.streams.setdefault(record_type, Subscription(topic, self))
-        made = self._node.create_subscription(
+        if not self._readers:
+            self.always(LOOK_S, self._look)
+        self._readers[record_type] = Reader(
+            self._node,
             codec.message_class(record_type),
             self.topic_name(topic),
-            stream.receiver(take, lambda: int(made.get_publisher_count())),
+            stream,
+            take,
             qos.of_topic(topic, depth),
-            qos_overriding_options=qos.overriding(),
-            raw=True,
+            self.caution,
         )
-        self._subscriptions[record_type] = made
         return stream
+
+    def _look(self) -> None:
+        for reader in self._readers.values():
+            reader.look()
 
     def unsubscribe(self, record_type: type) -> None:
         """Take no more records of a type; its counters stay."""
-        known = self._subscriptions.pop(record_type, None)
+        known = self._readers.pop(record_type, None)
         if known is not None:
-            self._node.destroy_subscription(known)
+            known.destroy()
 
     def subscribe_foreign(self, topic: str, message: str, take: Callable[[Any], None]) -> None:
         """Call ``take`` with each message of a topic of any installed type, while active."""

@@ -35,3 +35,31 @@ def overriding() -> Any:
     from rclpy.qos_overriding_options import QoSOverridingOptions
 
     return QoSOverridingOptions.with_default_policies()
+
+
+def weaker(asked: Any, offered: Any) -> Any:
+    """What a reader may ask for to get what is offered; None where it gets it as it is."""
+    from rclpy.qos import (
+        DurabilityPolicy,
+        QoSCompatibility,
+        QoSProfile,
+        ReliabilityPolicy,
+        qos_check_compatible,
+    )
+
+    if qos_check_compatible(offered, asked)[0] != QoSCompatibility.ERROR:
+        return None
+    lossy = ReliabilityPolicy.BEST_EFFORT in (asked.reliability, offered.reliability)
+    volatile = DurabilityPolicy.VOLATILE in (asked.durability, offered.durability)
+    return QoSProfile(
+        history=asked.history,
+        depth=asked.depth,
+        reliability=ReliabilityPolicy.BEST_EFFORT if lossy else asked.reliability,
+        durability=DurabilityPolicy.VOLATILE if volatile else asked.durability,
+    )
+
+
+def words(profile: Any) -> str:
+    """Reliability and durability as people say them."""
+    kept = "latched" if profile.durability.name == "TRANSIENT_LOCAL" else ""
+    return f"{profile.reliability.name.lower().replace('_', ' ')} {kept}".strip()

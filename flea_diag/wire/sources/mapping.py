@@ -9,10 +9,10 @@ from itertools import chain
 from flea_diag.wire.records import ChannelInfo, ChannelTable
 from flea_diag.wire.sources.field_path import FieldPath
 
-HOLD, INTERPOLATE = "hold", "interpolate"
-RESAMPLINGS = (INTERPOLATE, HOLD)
+HOLD, INTERPOLATE, MEAN = "hold", "interpolate", "mean"
+RESAMPLINGS = (INTERPOLATE, HOLD, MEAN)
 """How readings become the value at the time of a scan: on the line between the readings before and
-after it, or the reading before it."""
+after it, the reading before it, or the mean of those nearer to it than to any other scan."""
 MAPPED, FLEA_TEXT = "mapped", "flea_text"
 FORMATS = (MAPPED, FLEA_TEXT)
 """Formats of recordings: as ``channels`` say, or the FLEA's text files, whose columns are fixed."""

@@ -2,7 +2,8 @@
 
 A scan is made when all readings that it takes have come: by stamps alone, so that a recording
 gives the scans that its live stream gave. It waits ``WAIT_NS`` for other topics, and for the
-reading after it of a channel that is interpolated, but no longer than that channel's age limit.
+reading after it of a channel that is interpolated or averaged, but no longer than that channel's
+age limit. A source that is faster than the scans wants the mean: single readings of it alias.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
+from itertools import takewhile
 
 from flea_diag.wire.records import Scan
-from flea_diag.wire.sources.mapping import INTERPOLATE, ChannelMapping, SourceMapping
+from flea_diag.wire.sources.mapping import HOLD, INTERPOLATE, MEAN, ChannelMapping, SourceMapping
 
 WAIT_NS = 20_000_000
 """Topics of one instant arrive in any order within this time."""
@@ -26,8 +28,10 @@ MOST_READINGS = 10_000
 class _Readings:
     """Recent readings of one term, as stamps and values."""
 
-    def __init__(self, row: ChannelMapping) -> None:
+    def __init__(self, row: ChannelMapping, period_ns: int) -> None:
         self.interpolates = row.resample == INTERPOLATE
+        self.waits = row.resample != HOLD
+        self.half_ns = period_ns // 2 if row.resample == MEAN else 0
         self.age_ns = round(row.age_s * 1e9)
         self._turn = row.turn
         self.kept: deque[tuple[int, float]] = deque(maxlen=MOST_READINGS)
@@ -35,6 +39,11 @@ class _Readings:
     @property
     def newest_ns(self) -> int:
         return self.kept[-1][0] if self.kept else -1
+
+    @property
+    def complete_ns(self) -> int:
+        """Time of the last scan for which no further reading is needed."""
+        return self.newest_ns - self.half_ns
 
     def keep(self, stamp_ns: int, value: float) -> None:
         """Take a reading; an angle that begins anew goes on where it was."""
@@ -44,6 +53,10 @@ class _Readings:
 
     def at(self, time_ns: int) -> float:
         """Value at the time of a scan; older readings are forgotten."""
+        if self.half_ns:
+            near = self._near(time_ns)
+            if near:
+                return math.fsum(near) / len(near)
         kept = self.kept
         while len(kept) > 1 and kept[1][0] <= time_ns:
             kept.popleft()
@@ -56,6 +69,18 @@ class _Readings:
             return math.nan
         after_ns, after = kept[1]
         return value + (after - value) * ((time_ns - before_ns) / (after_ns - before_ns))
+
+    def _near(self, time_ns: int) -> list[float]:
+        """Readings in the period about the time of a scan; those before it are forgotten.
+
+        Its end belongs to the next one. The last reading before it stays: it is held where there
+        is none in the period.
+        """
+        kept, begin_ns, end_ns = self.kept, time_ns - self.half_ns, time_ns + self.half_ns
+        while len(kept) > 1 and kept[0][0] < begin_ns and kept[1][0] <= time_ns:
+            kept.popleft()
+        return [value for at_ns, value in takewhile(lambda r: r[0] < end_ns, kept)
+                if at_ns >= begin_ns]  # fmt: skip
 
 
 class ScanGrid:
@@ -75,9 +100,11 @@ class ScanGrid:
         self._rows = mapping.channels
         self._names = tuple(row.channel for row in mapping.channels)
         self._period_ns = mapping.period_ns
-        self._readings = [_Readings(row) for row in mapping.channels for _ in row.terms]
+        self._readings = [
+            _Readings(row, mapping.period_ns) for row in mapping.channels for _ in row.terms
+        ]
         self._weights = [term.weight for row in mapping.channels for term in row.terms]
-        self._awaited = [each for each in self._readings if each.interpolates]
+        self._awaited = [each for each in self._readings if each.waits]
         self.streams = 0
         self._begin()
 
@@ -122,7 +149,7 @@ class ScanGrid:
     def _complete_ns(self) -> int:
         """Time up to which scans are complete."""
         newest = self._newest_ns
-        waits = (max(each.newest_ns, newest - each.age_ns) for each in self._awaited)
+        waits = (max(each.complete_ns, newest - each.age_ns) for each in self._awaited)
         return min(newest - WAIT_NS, min(waits, default=newest))
 
     def _made(self, until_ns: int) -> Iterator[Scan]:

@@ -234,6 +234,25 @@ def test_what_cannot_be_used_is_in_data_quality_by_its_kind(stand: Stand) -> Non
     assert again.channels[-1] == row
 
 
+def test_a_best_effort_driver_is_read_with_a_warning_that_names_both(stand: Stand) -> None:
+    """As SensorDataQoS; messages of a reliable writer come to the same reader."""
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import JointState
+
+    peer = stand.peer
+    driver = peer.node.create_publisher(JointState, "sensors/slow", qos_profile_sensor_data)
+    peer.until(lambda: driver.get_subscription_count() > 0)
+    warning = peer.process.wait_for("lost messages are not sent again")  # type: ignore[attr-defined]
+    assert "/sensors/slow: /peer sends best effort, while this node asks for reliable" in warning
+    stand.stamp_ns += PERIOD_NS
+    driver.publish(encode(Scan(stand.stamp_ns, ("motor_current",), (9.0,))))
+    found = peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    assert found.stamp_ns == stand.stamp_ns
+    peer.bus.wait_for_subscribers(Scan)
+    stand.scan(1.0)
+    peer.find(lambda r: getattr(r, "outcome", None) == Outcome.NOMINAL)
+
+
 def test_health_says_what_it_waits_for(stand: Stand) -> None:
     waiting = stand.peer.find(lambda r: isinstance(r, Health) and "waiting" in r.message)
     assert waiting.node == "toy"

@@ -80,10 +80,12 @@ CHANNELS: dict[str, dict[str, object]] = {
 MAPPING: dict[str, object] = {"schema_version": 1, "rate_hz": 100.0, "channels": CHANNELS}
 
 
-def arm_stand(folder: Path, mapping: dict[str, object] | None = None) -> Path:
-    """Folder of a stand like the FLEA with these channels."""
+def arm_stand(
+    folder: Path, mapping: dict[str, object] | None = None, like: Path = FLEA_STAND
+) -> Path:
+    """Folder of a stand like the FLEA, or another one, with these channels."""
     folder.mkdir()
-    for path in FLEA_STAND.glob("*.yaml"):
+    for path in like.glob("*.yaml"):
         (folder / path.name).write_bytes(path.read_bytes())
     text = yaml.safe_dump(mapping or MAPPING, sort_keys=False)
     (folder / "channels.yaml").write_text(text, encoding="utf-8")

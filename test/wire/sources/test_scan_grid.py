@@ -14,6 +14,7 @@ from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import (
     HOLD,
     INTERPOLATE,
+    MEAN,
     ChannelMapping,
     SourceMapping,
     SourceTerm,
@@ -49,6 +50,43 @@ def test_a_reading_between_two_scans_is_interpolated_or_held() -> None:
     assert found[0] == (1.0, 11.0)
     assert found[100] == pytest.approx((3.0, 11.0)), "2 * 1.0 + 1, and 2 * 5 + 1"
     assert found[200] == pytest.approx((5.0, 15.0))
+
+
+def test_the_mean_takes_the_readings_nearest_to_a_scan_each_once() -> None:
+    made = grid(channel("a", MEAN, 0.3), channel("b", HOLD, 9.0))
+    fast = [(at, 0, 1.0 if (at // 20) % 2 else -1.0) for at in range(0, 401, 20)]
+    alive = [(at, 1, 0.0) for at in range(0, 401, 100)]
+    found = rows(pushed(made, sorted(fast + alive)))
+    # -1 at 0, +1 at 20, -1 at 40; then 60 to 140, and 160 to 240: their sums are +1 and -1.
+    assert [values[0] for values in found.values()] == pytest.approx(
+        [2.0 * -1.0 / 3.0 + 1.0, 2.0 * 0.2 + 1.0, 2.0 * -0.2 + 1.0, 2.0 * 0.2 + 1.0]
+    )
+    assert max(found) == 300, "a scan waits for the readings after it"
+
+
+def test_the_mean_of_a_source_slower_than_the_scans_is_held_up_to_its_age() -> None:
+    made = grid(channel("a", MEAN, 0.25), channel("b", HOLD, 9.0))
+    alive = [(at, 1, 0.0) for at in range(0, 901, 100)]
+    found = rows(pushed(made, sorted([(0, 0, 3.0), (510, 0, 4.0), *alive])))
+    known = {at: values[0] for at, values in found.items() if math.isfinite(values[0])}
+    assert known == {0: 7.0, 100: 7.0, 200: 7.0, 500: 9.0, 600: 9.0}
+
+
+def test_a_drive_at_1_khz_does_not_alias_into_the_scans() -> None:
+    """Ripple of 90 Hz on a constant: points of it at 100 Hz are a wave of 10 Hz, means are not."""
+    ripple = [(at, 0, math.sin(2.0 * math.pi * 0.09 * at)) for at in range(4001)]
+    swing = {}
+    for how in (INTERPOLATE, MEAN):
+        row = ChannelMapping(
+            "a", "m", (SourceTerm(column="a"),), 1.0, 0.0, -9.0, 9.0, 1000.0, how, 0.1, "m"
+        )
+        made = ScanGrid(SourceMapping("channels.yaml", "mine", "mapped", 100.0, (row,)))
+        values = [scan.values[0] for scan in pushed(made, ripple)]
+        swing[how] = max(values[5:-5])
+    assert swing[INTERPOLATE] > 0.95
+    # Ten points of a wave leave Dirichlet's share of it.
+    share = math.sin(0.9 * math.pi) / (10.0 * math.sin(0.09 * math.pi))
+    assert 0.9 * share < swing[MEAN] <= share + 1e-9
 
 
 def test_a_sum_has_a_reading_where_all_its_terms_have() -> None:
