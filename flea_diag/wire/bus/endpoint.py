@@ -17,11 +17,11 @@ from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
-from flea_diag.wire.bus.node_states import NodeStates
 from flea_diag.wire.bus.publishers import Publishers
 from flea_diag.wire.bus.reader import Reader
-from flea_diag.wire.bus.remote_parameter import RemoteParameter
-from flea_diag.wire.bus.remote_service import RemoteService
+from flea_diag.wire.bus.remote.node_states import NodeStates
+from flea_diag.wire.bus.remote.remote_parameter import RemoteParameter
+from flea_diag.wire.bus.remote.remote_service import RemoteService
 from flea_diag.wire.bus.subscription import Subscription
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Health, Record

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flea_diag.wire.bus import qos
-from flea_diag.wire.bus.remote_service import interface
+from flea_diag.wire.bus.remote.remote_service import interface
 
 DEPTH = 100
 """Queue length: a driver's burst is taken whole."""

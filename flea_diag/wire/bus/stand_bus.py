@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 from flea_diag.wire.bus.endpoint import Bus
-from flea_diag.wire.bus.remote_parameter import RemoteParameter
+from flea_diag.wire.bus.remote.remote_parameter import RemoteParameter
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
 P = TypeVar("P")

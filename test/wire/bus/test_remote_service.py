@@ -8,7 +8,7 @@ import pytest
 from support.live import Peer
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.wire.bus.remote_service import RemoteService, filled, interface
+from flea_diag.wire.bus.remote.remote_service import RemoteService, filled, interface
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,1 @@
+"""Other nodes and their services, which may start and stop at any time."""
