@@ -5,7 +5,14 @@ Order: verdict, recommended action, evidence, status of the stand.
 
 from __future__ import annotations
 
-from flea_diag.operator import advice_view, alarm_view, evidence_view, stand_view, verdict_view
+from flea_diag.operator import (
+    action_view,
+    advice_view,
+    alarm_view,
+    evidence_view,
+    stand_view,
+    verdict_view,
+)
 from flea_diag.operator.panel import Panel
 from flea_diag.operator.state import OperatorState
 
@@ -14,6 +21,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
     """Non-empty panels; ``now_ns`` is the arrival clock."""
     panels = (
         verdict_view.verdict(state, now_ns),
+        action_view.to_do(state),
         verdict_view.possible(state),
         advice_view.next_tests(state),
         verdict_view.steps(state),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from flea_diag.operator.action_view import ADVICE, GO_ON, STOP, action, parts
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
 from flea_diag.operator.quantity import number, statistic
@@ -29,22 +30,6 @@ SILENT_ADVICE = "Check the nodes of the diagnosis: “Streams and nodes” names
 MUTE = "(bell muted until the first click or key on this page)"
 LONG = 140
 """Verdicts longer than this are set in a smaller size."""
-
-NEXT: dict[Outcome, str] = {
-    Outcome.NOMINAL: "No action required.",
-    Outcome.DETECTED: "Continue the motion: motion in both directions is needed to separate faults "
-    "of motor and screw.",
-    Outcome.ISOLATED: "Inspect this part. “Ambiguity group” lists the evidence for and against "
-    "each fault.",
-    Outcome.INDISTINGUISHABLE: "Inspect all of these parts: the present evidence does not separate "
-    "them further.",
-    Outcome.UNEXPLAINED: "Check residuals and symbols: two simultaneous faults, or a fault outside "
-    "the catalogue, are possible.",
-    Outcome.NOT_OBSERVABLE: "Move the actuator.",
-    Outcome.MODEL_MISMATCH: "Calibrate with nominal recordings of this stand.",
-    Outcome.DATA_UNUSABLE: "Repair the channel named under “Data quality”.",
-}
-"""Recommended action for each outcome."""
 
 
 def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
@@ -112,7 +97,7 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
             Level.WARN, Outcome.DETECTED.value, "fault detected, isolation in progress"
         )
         proof = tag("p", found_by(flag), class_="proof soft")
-        return _card(Level.WARN, joined(head, proof, _next(NEXT[Outcome.DETECTED])), Markup())
+        return _card(Level.WARN, joined(head, proof, _next(ADVICE[Outcome.DETECTED])), Markup())
     if group is None:
         head = _headline(Level.STALE, "NO VERDICT YET", "No message on ambiguity_group.")
         advice = "Start the diagnoser, or observer, isolator and extractor."
@@ -120,9 +105,12 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
     silent = state.silent(AmbiguityGroup, now_ns)
     level = Level.STALE if silent else level_of(group)
     head = _headline(level, group.outcome.value, in_short(group))
-    advice = _next(SILENT_ADVICE if silent else _advice(state, group), _tests(state))
     gone = tag("p", SILENT, class_="proof") if silent else None
-    left = joined(head, gone, *_proofs(state, group), advice)
+    if silent or group.stale:
+        advice = _next(SILENT_ADVICE if silent else "Check why the stand sends no data.")
+    else:
+        advice = _action(state, group)
+    left = joined(head, gone, advice, *_proofs(state, group))
     return _card(level, left, _right(group))
 
 
@@ -165,17 +153,27 @@ def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
     return [tag("p", line, class_="proof soft") for line in lines]
 
 
-def _advice(state: OperatorState, group: AmbiguityGroup) -> str:
-    if group.stale:
-        return "Check why the stand sends no data."
+def _action(state: OperatorState, group: AmbiguityGroup) -> Markup:
+    """What to do, before anything else is said."""
+    found = action(state)
+    if found is None:
+        return Markup()
     pending = [f for f in state.features if f.episode == group.episode and f.value is None]
+    steps = found.steps
     if group.outcome is Outcome.DETECTED and pending:
-        return f"Continue the motion; feature {pending[-1].name} is requested."
-    return NEXT[group.outcome]
+        steps = (f"Continue the motion; feature {pending[-1].name} is requested.",)
+    css = {STOP: "stop", GO_ON: "go"}.get(found.run, "")
+    headline = tag("p", found.headline, class_=f"run {css}") if found.headline else None
+    about = tag("p", *(tag("span", text) for _, text in parts(found)), class_="part")
+    told = [tag("p", step) for step in steps]
+    return tag(
+        "div", tag("h2", "What to do now", class_="title"), headline, about, *told, _tests(state),
+        class_="next",
+    )  # fmt: skip
 
 
-def _next(words: str, tests: Markup | None = None) -> Markup:
-    return tag("div", tag("b", "What to do next"), words, tests, class_="next")
+def _next(words: str) -> Markup:
+    return tag("div", tag("h2", "What to do now", class_="title"), words, class_="next")
 
 
 def _tests(state: OperatorState) -> Markup | None:

@@ -322,6 +322,8 @@ class AmbiguityGroup:
     ``supported_false_alarms_per_hour`` the bound that the nominal recordings give;
     ``counters`` are the data errors so far, such as ``sensors/slow/lost``. A ``summary`` names all
     members, gives the reason for the first of them, and counts what ``Hypotheses`` hold besides.
+    ``to_do`` is what people do about the members, by the catalogue: ``run`` (stop or go on),
+    ``urgency`` (now, soon or planned), ``name``, ``part``, ``procedure``, ``next_test``.
     """
 
     stamp_ns: int
@@ -348,6 +350,7 @@ class AmbiguityGroup:
     not_observable_count: int = 0
     stated_false_alarms_per_hour: float = math.nan
     supported_false_alarms_per_hour: float = math.nan
+    to_do: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> Verdict:

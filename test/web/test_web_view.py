@@ -14,10 +14,11 @@ from support.verdicts import FIRST, FLAG, LAST, NOMINAL, START, group, shown
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.screens import load_causal_map, tree_planner
 from flea_diag.configuration.stand import load_stand
+from flea_diag.operator.action_view import ADVICE, UNKNOWN_PROCEDURE
 from flea_diag.operator.advice_view import advice_text
 from flea_diag.operator.state import SHOWN, OperatorState, fold
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.web.answer import NEXT, answer, chips, link
+from flea_diag.web.answer import answer, chips, link
 from flea_diag.web.causal_paths import causal_paths, lit
 from flea_diag.web.group_flow import MOST_STEPS, group_flow, steps
 from flea_diag.web.history import answers, drops, signs
@@ -204,7 +205,8 @@ def test_the_answer_is_in_the_words_of_the_verdict(told: list[Record]) -> None:
     assert state.group.outcome.value in text
     assert state.group.words in text
     assert f"by {state.detection.residual}: z = {state.detection.z:.3g}, limit" in text
-    assert NEXT[state.group.outcome] in text
+    assert "What to do now STOP THE STAND, act now Jammed screw ball screw, in the housing" in text
+    assert dict(state.group.to_do)["procedure"] in text
     member = state.group.members[0]
     assert f"{member.fault} size {member.size:.1f} ± {member.size_sigma:.1f}" in text
 
@@ -213,7 +215,7 @@ def test_the_answer_is_in_the_words_of_the_verdict(told: list[Record]) -> None:
 def test_every_outcome_has_its_words_its_level_and_advice(outcome: Outcome) -> None:
     text = said(shown(group(outcome)))
     assert outcome.value in text
-    assert NEXT[outcome] in text
+    assert (UNKNOWN_PROCEDURE if outcome is Outcome.ISOLATED else ADVICE[outcome]) in text
     assert "possible (" not in text
 
 

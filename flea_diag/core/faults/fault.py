@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from flea_diag.core.bond_graph.actuator_model import Actuator
 from flea_diag.core.faults.effect_row import UNBOUNDED, EffectRow, ErrorRow, effect_rows, error_rows
+from flea_diag.core.faults.response import UNSTATED, Response, completed
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
 from flea_diag.fields.values import AboveZero, one_of
@@ -61,6 +62,7 @@ class Fault:
     ``alternatives`` is empty for a fault that shows only in vibration. ``size`` is the reference
     size of the fault, a relative change of its parameters. ``effects`` say how large it may be, and
     what that does to the parameters; ``errors`` the same of a fault of a sensor.
+    ``response`` is what people do about it.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Fault:
     mode: str = ""
     effects: tuple[EffectRow, ...] = ()
     errors: ErrorRow = UNBOUNDED
+    response: Response = UNSTATED
 
     @property
     def incipient(self) -> bool:
@@ -101,6 +104,7 @@ class _FaultRow:
     vibration: bool = False
     excitation: str = ""
     effects: tuple[Any, ...] = ()
+    response: Response = UNSTATED
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,7 @@ class _SensorMode:
     approach: Annotated[str, one_of(*APPROACHES)]
     onset: Annotated[str, one_of(*ONSETS)]
     excitation: str = ""
+    response: Response = UNSTATED
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,7 @@ def _fault(name: str, row: _FaultRow, actuator: Actuator, where: str) -> Fault:
         row.vibration,
         row.excitation,
         effects=effects,
+        response=completed(row.response, name, row.component, row.onset, row.excitation, ""),
     )
 
 
@@ -189,4 +195,12 @@ def _sensor_fault(channel: str, mode: str, row: _SensorMode) -> Fault:
         excitation=row.excitation,
         channel=channel,
         mode=mode,
+        response=completed(
+            row.response,
+            f"{channel}_{mode}",
+            f"sensor {channel}",
+            row.onset,
+            row.excitation,
+            channel,
+        ),
     )

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 from flea_diag.errors import ConfigurationError, visible
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
+from flea_diag.operator.action_view import in_a_line
 from flea_diag.operator.hall_view import hall as listed
 from flea_diag.operator.hall_view import stand_rows
 from flea_diag.operator.panel import Panel
@@ -76,7 +77,7 @@ class Plain:
         if changed == self._told:
             return
         self._told = changed
-        self._write(self._before + line(state, now_ns), end="\n")
+        self._write(self._before + line(state, now_ns) + in_a_line(state), end="\n")
 
     def page(self) -> None:
         """Print the whole page if it has changed."""

@@ -27,7 +27,7 @@ from flea_diag.wire.records import Level
 
 REDRAW_S = 0.2
 
-LEFT = ("possible", "why", "next", "steps", "dropped", "unseen")
+LEFT = ("todo", "possible", "why", "next", "steps", "dropped", "unseen")
 RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
 LISTS = ("possible", "episodes")
 
@@ -41,7 +41,7 @@ CSS = """
 .title { text-style: bold; color: $accent; height: 1; }
 OptionList { height: auto; border: none; padding: 0; background: transparent; }
 OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
-#why, #dropped, #next { text-wrap: wrap; }
+#why, #dropped, #next, #todo { text-wrap: wrap; }
 #bottom { height: auto; max-height: 10; padding: 0 1; }
 #possible { margin-bottom: 1; }
 #message { height: auto; padding: 0 1; color: $warning; }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from flea_diag.core.faults.response import to_do
 from flea_diag.core.isolation.detectability import undetectable, without_relation
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -96,6 +97,7 @@ class VerdictRecord:
             counters=stand.counters,
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
+            to_do=to_do([h.fault.response for h in isolation.alive()]),
         )
 
     def _without_episode(

@@ -223,6 +223,7 @@ def verdict(**changes: Any) -> r.AmbiguityGroup:
         calibration_sha256="ab",
         source="replay",
         not_observable=(("spall", "no accelerometer"),),
+        to_do=(("run", "stop"), ("urgency", "now")),
     )
     return dataclasses.replace(group, **changes)
 

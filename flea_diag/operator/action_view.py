@@ -1,0 +1,115 @@
+"""What to do now: stop or go on, how urgent, which part, where, by which procedure.
+
+What the catalogue states of the faults that are possible comes with the verdict; what an outcome
+asks for whatever the faults stands here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flea_diag.operator.advice_view import advice_text
+from flea_diag.operator.panel import Line, Panel
+from flea_diag.operator.state import OPEN, OperatorState
+from flea_diag.wire.records import AmbiguityGroup, Outcome
+
+STOP, GO_ON = "stop", "go on"
+RUN = {STOP: "STOP THE STAND", GO_ON: "GO ON"}
+URGENT = {"now": "act now", "soon": "act this shift", "planned": "plan it for the next service"}
+UNKNOWN_PROCEDURE = "No procedure is stated for this fault: ask whoever keeps the stand."
+
+ADVICE: dict[Outcome, str] = {
+    Outcome.NOMINAL: "No action required.",
+    Outcome.DETECTED: "Continue the motion: motion in both directions is needed to separate faults "
+    "of motor and screw.",
+    Outcome.ISOLATED: "Inspect this part. “Ambiguity group” lists the evidence for and against "
+    "each fault.",
+    Outcome.INDISTINGUISHABLE: "Inspect all of these parts: the present evidence does not separate "
+    "them further.",
+    Outcome.UNEXPLAINED: "Check residuals and symbols: two simultaneous faults, or a fault outside "
+    "the catalogue, are possible.",
+    Outcome.NOT_OBSERVABLE: "Move the actuator.",
+    Outcome.MODEL_MISMATCH: "Calibrate with nominal recordings of this stand.",
+    Outcome.DATA_UNUSABLE: "Repair the channel named under “Data quality”.",
+}
+"""Recommended action for each outcome."""
+RUNS: dict[Outcome, tuple[str, str]] = {
+    Outcome.DETECTED: (GO_ON, "now"),
+    Outcome.ISOLATED: (STOP, "now"),
+    Outcome.INDISTINGUISHABLE: (STOP, "now"),
+    Outcome.UNEXPLAINED: (STOP, "now"),
+    Outcome.NOT_OBSERVABLE: (GO_ON, "soon"),
+    Outcome.MODEL_MISMATCH: (GO_ON, "soon"),
+    Outcome.DATA_UNUSABLE: (GO_ON, "now"),
+}
+"""Stop or go on, and urgency, where the faults state neither: a verdict of older software."""
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What to do; texts are empty where they are not stated."""
+
+    run: str
+    urgency: str
+    name: str
+    part: str
+    steps: tuple[str, ...]
+
+    @property
+    def headline(self) -> str:
+        """Stop or go on, and how urgent it is; empty where nothing is to be done."""
+        return f"{RUN[self.run]}, {URGENT[self.urgency]}" if self.run else ""
+
+
+def action(state: OperatorState) -> Action | None:
+    """What to do about the verdict; None without one."""
+    group = state.group
+    if group is None:
+        return None
+    stated = dict(group.to_do) if group.outcome in OPEN else {}
+    run, urgency = RUNS.get(group.outcome, ("", ""))
+    split = group.outcome is not Outcome.DETECTED
+    # While the group is being split, the motion that splits it goes on; a stop is said at its end.
+    if split and stated.get("run") in RUN and stated.get("urgency") in URGENT:
+        run, urgency = stated["run"], stated["urgency"]
+    return Action(
+        run, urgency, stated.get("name", ""), stated.get("part", ""), _steps(group, stated)
+    )
+
+
+def _steps(group: AmbiguityGroup, stated: dict[str, str]) -> tuple[str, ...]:
+    named = group.outcome in (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
+    if not named:
+        return (ADVICE[group.outcome],)
+    steps = [stated.get("procedure") or UNKNOWN_PROCEDURE]
+    if group.outcome is Outcome.INDISTINGUISHABLE:
+        steps.insert(0, ADVICE[group.outcome])
+        if group.next_tests:
+            steps.append(f"To split them: {advice_text(group.next_tests[0])}.")
+        elif stated.get("next_test"):
+            steps.append(f"To split them: {stated['next_test']}")
+    return tuple(steps)
+
+
+def to_do(state: OperatorState) -> Panel | None:
+    """The panel of the console, first below the verdict."""
+    found, group = action(state), state.group
+    if found is None or group is None or group.stale or not found.run:
+        return None
+    lines = [Line(f"{what:9} {text}") for what, text in parts(found)]
+    lines += [Line(f"{'do':9} {step}") for step in found.steps]
+    return Panel("todo", f"WHAT TO DO  {found.headline}", (*lines,))
+
+
+def parts(found: Action) -> tuple[tuple[str, str], ...]:
+    """What is wrong and where, as far as it is stated."""
+    pairs = (("what", found.name), ("where", found.part))
+    return tuple(pair for pair in pairs if pair[1])
+
+
+def in_a_line(state: OperatorState) -> str:
+    """What to do in the line of a verdict; empty where nothing is."""
+    found = action(state)
+    if found is None or not found.name or not found.run:
+        return ""
+    return f" | {found.headline}: {found.name} ({found.part})"
