@@ -227,7 +227,7 @@ ARROWS = {
         "series": ("recordings", "tables"),
         "stand_check": ("recordings", "tables"),
         "stand_folder": ("recordings", "series", "stand_check", "tables"),
-        "calibrate": (),
+        "calibrate": ("recordings",),
         "features": (),
         "replay": (),
         "export": ("replay",),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.argument import add_cluster, add_jobs
 from flea_diag.tools.bag_url import bag_place
 from flea_diag.tools.calibrate import report as calibration_report
@@ -31,6 +31,7 @@ examples:
   flea calibrate bags/*Nominal* -o calibration.yaml
   flea calibrate bags/nominal_* -o calibration.yaml --false-alarms 0.01
   flea calibrate bags/nominal_* --stand ./mine -o mine/calibration.yaml
+  flea calibrate runs/*.csv --stand ./mine -o mine/calibration.yaml     raw, without an import
   flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
 """
 
@@ -42,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=bag_place,
         metavar="BAG",
-        help="nominal recordings of one stand, 2 or more: paths, or URLs (needs the extra url)",
+        help="nominal recordings of one stand, 2 or more: bags, their URLs (needs the extra url), "
+        "or raw files that its channels.yaml describes",
     )
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="FILE", help="calibration to write"
@@ -83,17 +85,26 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
+    from numpy.linalg import LinAlgError
+
     from flea_diag.configuration.description import compiled_relations
     from flea_diag.tools.calibrate.procedure import learn
+    from flea_diag.tools.recordings.raw_recordings import as_bags
 
     stand = chosen_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
     actuator = absolute(stand).actuator if arguments.dask else stand.actuator
-    with KeptPool(arguments.jobs) as pool:
+    with as_bags(arguments.bags, stand) as bags, KeptPool(arguments.jobs) as pool:
         sharing = Sharing(arguments.jobs, arguments.dask, pool)
-        recordings, refused = read_nominal(arguments.bags, known, sharing)
+        recordings, refused = read_nominal(bags.places, known, sharing)
         check_signs(recordings, known)
-        found = learn(recordings, actuator, arguments.false_alarms, sharing)
+        try:
+            found = learn(recordings, actuator, arguments.false_alarms, sharing)
+        except (ArithmeticError, LinAlgError) as error:
+            raise CalibrationError(
+                f"the parameters that these recordings show lead to numbers beyond any ({error}): "
+                "hold their channels, units and signs against each other with flea stand check"
+            ) from error
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")
@@ -102,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"serial numbers {', '.join(found.alike)}: their recordings differ by less than "
             "healthy units do: counted as one unit, tolerances are those of the description"
         )
-    refused += [row.recording for row in calibration.left_out]
+    refused += [*bags.refused, *(row.recording for row in calibration.left_out)]
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
         _draw(found, arguments.plots, arguments.plot_format)

@@ -13,6 +13,7 @@ from flea_diag.core.calibration import (
     identification,
     innovation_learning,
     nominal_trace,
+    physical_values,
 )
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.calibration.identification import Identified, RelationsOf
@@ -94,6 +95,7 @@ def _learn(
     period_s, folds = recordings[0].period_s, folds_of(recordings)
     counts = ScanCounts(period_s, relations_of(True).residuals.smoothing_s)
     found = identification.identify(runs, relations_of, counts.kernel, period_s, folds)
+    physical_values.check_physical(found, runs, relations_of(True).residuals.channels)
     has_encoder = found.parameters.encoder_m_per_rad != 0.0
     relations = relations_of(has_encoder)
     work = RecordingWork(relations_of, has_encoder, period_s, recordings[0].sampling or "mean")

@@ -158,7 +158,7 @@ def _imports(
     for recording in list(mapped_recordings(file, mapping)):
         directory = output / recording.name
         _make_room(directory, force)
-        _write(recording, directory, mapping.stand)
+        write_recording(recording, directory, mapping.stand)
         yield _mapped(file, recording, directory)
 
 
@@ -176,7 +176,7 @@ def import_run(file: Path, output: Path, force: bool = False, serial: str = "") 
     flea_run = FleaRun.of(read_flea_data(file), serial)
     directory = output / file.name.removesuffix(".data")
     _make_room(directory, force)
-    _write(flea_run, directory, "flea")
+    write_recording(flea_run, directory, "flea")
     return _imported(flea_run, directory)
 
 
@@ -194,7 +194,7 @@ def _make_room(directory: Path, force: bool) -> None:
     shutil.rmtree(directory)
 
 
-def _write(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
+def write_recording(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
     """Write all records; log times never decrease, so that the order of the file is kept."""
     from flea_diag.wire.bags.bag import BagWriter
 

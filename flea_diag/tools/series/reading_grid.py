@@ -12,9 +12,11 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.series.no_readings import no_reading, quaternions
+from flea_diag.tools.series.one_way_voltage import NO_MOTOR_VOLTAGE, one_way_voltages
 from flea_diag.tools.series.recorded_joints import RecordedJoints
 from flea_diag.tools.series.recorded_series import RecordedSeries, Series
 from flea_diag.tools.series.row_times import RowTimes, row_times
+from flea_diag.tools.series.series_sum import SeriesSum, rounded_rate
 from flea_diag.tools.series.series_words import (
     COMMANDED,
     CURRENT,
@@ -36,45 +38,6 @@ MOST_ROWS = 60_000
 FASTEST_HZ, SLOWEST_HZ = 1000.0, 1.0
 """Rates that scans may have."""
 FEWEST_READINGS = 10
-ROUND = 0.01
-"""Deviation up to which a measured rate is one of a round number."""
-
-
-@dataclass(frozen=True, eq=False)
-class SeriesSum:
-    """What a channel could be: one series, or a sum of two.
-
-    Parameters
-    ----------
-    terms
-        Series with their signs.
-    words
-        What its name says.
-    values
-        Readings on the grid, shape (n,), as recorded; NaN between two recordings.
-    because
-        How its quantity is known, where the name does not say it.
-    turn
-        Reading at which an angle begins anew, in its unit; 0 where it does not.
-    """
-
-    terms: tuple[tuple[Series, int], ...]
-    words: NameWords
-    values: Array
-    because: str = ""
-    turn: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """Its places, as people name them."""
-        signs = ["" if k == 0 and s > 0 else (" + " if s > 0 else " - ") for k, (_, s) in
-                 enumerate(self.terms)]  # fmt: skip
-        return "".join(f"{s}{each.words}" for s, (each, _) in zip(signs, self.terms, strict=True))
-
-    @property
-    def rate_hz(self) -> float:
-        """Readings a second, rounded."""
-        return rounded_rate(self.terms[0][0].rate_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +103,15 @@ def reading_grid(
     base = of_bag(kept) if times is None else of_table(kept, times)
     period_s = 1.0 / (rate_hz or _rate(base, words, times))
     sources = tuple(_sources(base, words, period_s))
+    one_way = one_way_voltages(sources, period_s)
+    unused += [(each.name, NO_MOTOR_VOLTAGE) for each in one_way]
+    sources = tuple(each for each in sources if each not in one_way)
     sources += tuple(_sums(sources, period_s))
-    notes = (*recorded.notes, *(times.order.notes if times else ()))
+    notes = (
+        *recorded.notes,
+        *(times.order.notes if times else ()),
+        *(f"{each.name} is not used: {NO_MOTOR_VOLTAGE}" for each in one_way),
+    )
     return ReadingGrid(
         recorded, period_s, times, sources, tuple(unused), joints.chosen, joints.names, notes
     )
@@ -163,18 +133,6 @@ def _sources(base: TimeBase, words: list[NameWords], period_s: float) -> Iterato
         values = on_grid(own, wanted_s)
         if np.isfinite(values).sum() >= FEWEST_READINGS:
             yield SeriesSum(((own, 1),), said, values, turn=turn)
-
-
-def rounded_rate(rate_hz: float) -> float:
-    """A rate as people would have set it."""
-    if not math.isfinite(rate_hz):
-        return rate_hz
-    for digits in (1, 2):
-        step = 10.0 ** (math.floor(math.log10(rate_hz)) + 1 - digits)
-        near = round(rate_hz / step) * step
-        if abs(near - rate_hz) <= ROUND * rate_hz:
-            return float(f"{near:.6g}")
-    return float(f"{rate_hz:.4g}")
 
 
 def _rate(base: TimeBase, words: list[NameWords], times: RowTimes | None) -> float:

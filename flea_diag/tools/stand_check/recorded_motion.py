@@ -13,12 +13,10 @@ from flea_diag.configuration.channels import channel_sources
 from flea_diag.configuration.stand import Stand
 from flea_diag.errors import RecordingError
 from flea_diag.tools.recordings.mapped_source import mapped_recordings
-from flea_diag.tools.tables.readers import suffix_of
+from flea_diag.tools.recordings.raw_recordings import FLEA_SUFFIX, is_bag_of_ours
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Scan
 from flea_diag.wire.sources.mapping import MAPPED, SourceMapping
-from flea_diag.wire.topics import TOPIC_OF
 
 Array = npt.NDArray[np.float64]
 FEWEST = 100
@@ -62,16 +60,26 @@ def recorded_motions(path: Path, stand: Stand) -> Iterator[RecordedMotion]:
     RecordingError
         It is neither, or lacks what the mapping names.
     """
+    if path.name.endswith(FLEA_SUFFIX):
+        yield _of_the_flea(path)
+        return
     mapping = channel_sources(stand) if stand.channels is not None else None
-    if mapping is None or mapping.format != MAPPED or _is_ours(path):
+    if mapping is None or mapping.format != MAPPED or is_bag_of_ours(path):
         yield _of_bag(path)
         return
     for made in mapped_recordings(path, mapping):
         yield _of_scans(made.name, _rows(mapping), made.scans())
 
 
-def _is_ours(path: Path) -> bool:
-    return not suffix_of(path) and TOPIC_OF[Scan].name in ForeignBag(path).topics
+def _of_the_flea(path: Path) -> RecordedMotion:
+    """A text file of the FLEA."""
+    from flea_diag.tools.recordings.flea_data import read_flea_data
+    from flea_diag.tools.recordings.flea_run import FleaRun
+
+    run = FleaRun.of(read_flea_data(path))
+    scans = tuple(run.scans())
+    rows = tuple(row for row in run.channel_table().channels if row.name in scans[0].channels)
+    return _of_scans(path.name.removesuffix(FLEA_SUFFIX), rows, scans)
 
 
 def _rows(mapping: SourceMapping) -> tuple[ChannelInfo, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.power_balance import rate_of, smoothed
-from flea_diag.tools.series.reading_grid import SeriesSum
+from flea_diag.tools.series.series_sum import SeriesSum
 from flea_diag.tools.series.series_words import (
     COMMANDED,
     CURRENT,

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from flea_diag.core.symbolic.converted_unit import CONVERTED
-from flea_diag.tools.series.reading_grid import SeriesSum
+from flea_diag.tools.series.series_sum import SeriesSum
 from flea_diag.tools.series.series_words import (
     COMMANDED,
     CURRENT,

@@ -29,7 +29,8 @@ from flea_diag.tools.stand_folder.unit_choice import (
 from flea_diag.tools.stand_folder.unit_relations import unit_relations
 
 if TYPE_CHECKING:
-    from flea_diag.tools.series.reading_grid import ReadingGrid, SeriesSum
+    from flea_diag.tools.series.reading_grid import ReadingGrid
+    from flea_diag.tools.series.series_sum import SeriesSum
 
 Array = npt.NDArray[np.float64]
 

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 
     from flea_diag.configuration.stand import Stand
     from flea_diag.core.bond_graph.actuator_model import Actuator
-    from flea_diag.tools.series.reading_grid import ReadingGrid, SeriesSum
+    from flea_diag.tools.series.reading_grid import ReadingGrid
+    from flea_diag.tools.series.series_sum import SeriesSum
 
 Array = npt.NDArray[np.float64]
 
