@@ -64,7 +64,7 @@ def _twin(one: NominalRecording | None, known: Sequence[NominalRecording]) -> st
     """Words on a recording that holds what one before it holds, under another name."""
     import numpy as np
 
-    if one is None or not np.nanstd(one.run.rows, axis=0).any():
+    if one is None or bool((np.isnan(one.run.rows) | (one.run.rows == one.run.rows[:1])).all()):
         return ""
     for other in known:
         kinds = [(r.stand, r.sampling, r.period_s) for r in (one, other)]
