@@ -11,12 +11,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 from support.live import ROOT, Process, environment
 from support.places import SHIPPED_STANDS
 
+from flea_diag import __version__
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.wire.topics import TOPICS
 
@@ -176,3 +179,33 @@ def test_versions_agree() -> None:
     assert root.findtext("version") == flea_diag.__version__
     assert root.get("format") == "3"
     assert root.findtext("export/build_type") == "ament_python"
+
+
+def test_the_package_script_builds_a_wheel_that_is_whole(sources: Path, tmp_path: Path) -> None:
+    """All that an installation needs is in it: stands, launchers, types, the command."""
+    if not (Path(sys.prefix) / "bin" / "python3").exists() or sys.prefix == sys.base_prefix:
+        pytest.skip("the script builds in a virtual environment, and the tests run in none")
+    (sources / "scripts").mkdir()
+    for name in ("package", "venv.sh"):
+        shutil.copy2(ROOT / "scripts" / name, sources / "scripts" / name)
+    (sources / ".venv").symlink_to(sys.prefix)
+    command = [str(sources / "scripts" / "package"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("flea_diag-*.whl")
+    assert f"python3 -m pip install {wheel}" in done.stderr
+    with zipfile.ZipFile(wheel) as held:
+        names = held.namelist()
+        (told,) = (name for name in names if name.endswith("entry_points.txt"))
+        assert "flea = flea_diag.tools.main:main" in held.read(told).decode()
+    assert {"flea_diag/py.typed", "flea_diag/__init__.pyi"} <= set(names)
+    for end in ("share/flea_diag/config/stands/flea/stand.yaml", "lib/flea_diag/diagnoser"):
+        assert any(name.endswith(end) for name in names), end
+
+
+def test_the_citation_names_this_version_and_the_paper() -> None:
+    told = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert told["cff-version"] == "1.2.0"
+    assert told["version"] == __version__
+    assert "A Case Study on Electromechanical Actuators" in told["references"][0]["title"]
+    assert told["license"] == "Apache-2.0"
