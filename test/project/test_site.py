@@ -18,7 +18,7 @@ from support import browser as browsers
 from support.places import ROOT
 
 CONFIGURATION = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
-GENERATED = ("reference/", "project/")
+GENERATED = ("reference/", "project/", "notebooks/")
 EXCLUDED = set(CONFIGURATION["exclude_docs"].split())
 WRITTEN = {
     path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")
