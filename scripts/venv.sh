@@ -85,3 +85,12 @@ install() {
         printf '%s' "$wanted" >"$venv/.sources"
     fi
 }
+
+# Compiles what the nodes need, once an installation: the first launch is then as quick as any other.
+warm_up() {
+    [ "$(cat "$venv/.warm" 2>/dev/null)" = "$(cat "$venv/.sources")" ] && return
+    say "compiling ahead (half a minute, after an installation only)"
+    # From elsewhere, for what is installed is meant and not the sources in this folder.
+    (cd / && "$python" -m flea_diag.tools.main warm-up) >&2 || fail "flea warm-up failed"
+    cp "$venv/.sources" "$venv/.warm"
+}

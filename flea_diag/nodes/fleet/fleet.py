@@ -43,7 +43,7 @@ class Fleet:
             values = DIAGNOSER.parameters(**values_of(entry, parameters))
             try:
                 bus.info(DIAGNOSER.described(values))
-                DIAGNOSER.warm_up(values, CompileProgress(bus.info))
+                DIAGNOSER.warm_up(values, CompileProgress(bus))
             except Exception as error:  # whatever is wrong with one stand, the others start
                 self._refused[entry.files] = error
 

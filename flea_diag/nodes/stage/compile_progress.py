@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from typing import Any
 
-TELL_EVERY_S = 5.0
+from flea_diag.wire.bus import Bus
 
 
 class CompileProgress:
-    """Counts functions whose compilation begins; says so every few seconds.
+    """Counts functions whose compilation begins, as what the node is doing.
 
     Parameters
     ----------
-    tell
-        Takes a line of progress.
+    bus
+        Bus of the node, which says it every few seconds.
     """
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, bus: Bus[Any]) -> None:
+        self._bus = bus
         self._functions = 0
-        self._begin_s = self._told_s = time.monotonic()
 
     def __call__(self, name: str) -> None:
         """Note that ``name`` is being compiled."""
         self._functions += 1
-        now_s = time.monotonic()
-        if now_s - self._told_s >= TELL_EVERY_S:
-            self._told_s = now_s
-            self._tell(
-                f"compiling {name}, {self._functions} functions in "
-                f"{now_s - self._begin_s:.0f} s; later starts take them from disk"
-            )
+        self._bus.doing = (
+            f"compiling {name}, function {self._functions}; later starts take them from disk"
+        )

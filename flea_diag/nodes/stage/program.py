@@ -58,7 +58,7 @@ def stage_program(
         begin_s = time.monotonic()
         bus.info(f"flea_diag {__version__}, stand {bus.stand}; {component.described(parameters)}")
         bus.info("warming up; the first start after an installation compiles for up to a minute")
-        component.warm_up(parameters, CompileProgress(bus.info))
+        component.warm_up(parameters, CompileProgress(bus))
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         memory = VerdictMemory(bus, getattr(parameters, "memory", NONE))

@@ -19,6 +19,7 @@ P = TypeVar("P")
 FOREIGN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Parameters declared by rclpy."""
 
+ONCE_CONFIGURED = "read-only once configured"
 INTEGER_LIMITS = (-(2**63), 2**63 - 1)
 
 
@@ -52,11 +53,13 @@ class Declared(Generic[P]):
         self._where = where
         self.common = build(Common, common, where)
         self.value: P = build(parameters, given, where)
+        self.is_fixed: Callable[[], bool] = lambda: True
+        """Whether the node is configured: what is read-only then can no longer be changed."""
         self.on_check: list[Callable[[P], None]] = []
         self.on_change: list[Callable[[P], None]] = []
         for owner, kind in ((self.common, Common), (self.value, parameters)):
             for entry in descriptors(kind):
-                _declare(node, entry, getattr(owner, entry.name))
+                _declare(node, entry, getattr(owner, entry.name), kind is Common)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -64,12 +67,22 @@ class Declared(Generic[P]):
         from rcl_interfaces.msg import SetParametersResult
 
         try:
+            self._refuse_fixed(parameters)
             merged = self._merged(parameters)
             for check in self.on_check:
                 check(merged)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _refuse_fixed(self, parameters: list[Any]) -> None:
+        for entry in parameters:
+            known = self._known.get(entry.name)
+            if known is not None and known.read_only and self.is_fixed():
+                raise ConfigurationError(
+                    f"{self._where}: {entry.name} is read-only once the node is configured: "
+                    "deactivate it and clean it up (ros2 lifecycle set NODE cleanup) to change it"
+                )
 
     def _apply(self, parameters: list[Any]) -> None:
         merged = self._merged(parameters)
@@ -100,23 +113,25 @@ def _take_overrides(node: Any) -> dict[str, Any]:
     return given
 
 
-def _declare(node: Any, entry: Descriptor, value: Any) -> None:
+def _declare(node: Any, entry: Descriptor, value: Any, read_only: bool) -> None:
+    """``read_only`` means for ever; of others ``Declared`` refuses a change in time."""
     node.declare_parameter(
         entry.name,
         list(value) if isinstance(value, tuple) else value,
-        _ros_descriptor(entry),
+        _ros_descriptor(entry, read_only),
         ignore_override=True,
     )
 
 
-def _ros_descriptor(entry: Descriptor) -> Any:
+def _ros_descriptor(entry: Descriptor, read_only: bool) -> Any:
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
     descriptor = ParameterDescriptor(
         name=entry.name,
         description=entry.doc + (f" [{entry.unit}]" if entry.unit else ""),
-        additional_constraints=" | ".join(entry.choices),
-        read_only=entry.read_only,
+        additional_constraints=" | ".join(entry.choices)
+        or (ONCE_CONFIGURED if entry.read_only and not read_only else ""),
+        read_only=read_only,
     )
     if entry.minimum is None and entry.maximum is None:
         return descriptor

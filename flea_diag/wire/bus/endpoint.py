@@ -7,7 +7,7 @@ cost one memcpy, whereas a message object costs up to 1 ms.
 from __future__ import annotations
 
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar
 
@@ -32,6 +32,9 @@ P = TypeVar("P")
 POLL_S = 0.02
 LOOK_S = 1.0
 """Period at which writers are looked for that offer less than is asked for."""
+
+OWN_STAMPS = 64
+"""Stamps of its own reports that a node knows again."""
 
 SILENT = (UNCONFIGURED, INACTIVE)
 """States in which a node publishes nothing but its health."""
@@ -63,6 +66,9 @@ class Bus(NodeLog, Generic[P]):
         self._readers: dict[type, Reader] = {}
         self._clock: Any = None
         self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
+        self._own_stamps: deque[int] = deque(maxlen=OWN_STAMPS)
+        self.doing = ""
+        """What takes long before the node is ready, in words."""
         self.state = ACTIVE
         """State of the life cycle. Records and timers are served in ``active`` alone."""
         self.on_failure: Callable[[Exception], None] | None = None
@@ -98,6 +104,10 @@ class Bus(NodeLog, Generic[P]):
     def on(self, transition: str, call: Callable[[], None]) -> None:
         """Call at a transition of the life cycle: ``activate`` or ``deactivate``."""
         self._hooks[transition].append(call)
+
+    def own_stamps(self) -> frozenset[int]:
+        """Stamps of the latest reports on /diagnostics that this node has published."""
+        return frozenset(self._own_stamps)
 
     def run_hooks(self, transition: str) -> None:
         """Call what has been registered for a transition."""
@@ -180,6 +190,8 @@ class Bus(NodeLog, Generic[P]):
 
     def publish(self, record: Record) -> None:
         """Publish a record on its topic."""
+        if isinstance(record, Health):
+            self._own_stamps.append(record.stamp_ns)
         self.publish_raw(type(record), codec.encode(record, self.stand))
 
     def publish_raw(self, record_type: type, data: bytes) -> None:

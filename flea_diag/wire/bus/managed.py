@@ -7,6 +7,7 @@ them until activate. Cleanup closes and removes all that was made since configur
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -16,10 +17,14 @@ from flea_diag.wire.bus import life_cycle as states
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.life_cycle import LifeCycle
 from flea_diag.wire.bus.screen import Foreground
+from flea_diag.wire.bus.surroundings import LOOK_S as LOOK_AROUND_S
+from flea_diag.wire.bus.surroundings import Surroundings
 from flea_diag.wire.records import Health, Level
 
 LOOK_S = 0.02
 REPORT_S = 1.0
+PROGRESS_S = 5.0
+"""Period at which a node that is not ready yet says what it is doing."""
 IDLE = "nothing is judged or recorded"
 ENTITIES = ("publishers", "subscriptions", "timers", "services", "clients")
 """What a node of rclpy holds; each has a function that destroys one."""
@@ -59,6 +64,9 @@ class Managed:
         if self._reports:
             bus.advertise(Health)
         bus.always(REPORT_S, self._report)
+        around = Surroundings(node, bus.caution, lambda: bus.working, bus.own_stamps)
+        bus.always(LOOK_AROUND_S, around.look)
+        self._begun_s = self._told_s = time.monotonic()
         duties = {
             states.CONFIGURE: self._configure,
             states.ACTIVATE: lambda: bus.run_hooks(states.ACTIVATE),
@@ -69,6 +77,11 @@ class Managed:
         kept = {transition: self._kept(duty) for transition, duty in duties.items()}
         self._life = LifeCycle(node, kept, self._entered)
         self._own = self._entities()
+
+    @property
+    def configured(self) -> bool:
+        """Whether parameters have been taken that hold until cleanup."""
+        return self._bus.state != states.UNCONFIGURED
 
     @property
     def preparing(self) -> bool:
@@ -138,6 +151,7 @@ class Managed:
     def _look(self) -> None:
         """Go on in the thread of the executor once everything is prepared."""
         if self.preparing:
+            self._tell_progress()
             return
         self._node.destroy_timer(self._watch)
         try:
@@ -148,6 +162,13 @@ class Managed:
             self._bus.end(error)
             return
         self._begin_work()
+
+    def _tell_progress(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._told_s >= PROGRESS_S:
+            self._told_s = now_s
+            doing = self._bus.doing or "reading files"
+            self._bus.info(f"starting for {now_s - self._begun_s:.0f} s: {doing}")
 
     def _begin_work(self) -> None:
         self._life.end(success=True)
@@ -206,6 +227,7 @@ class Managed:
         # Whoever has failed has a reason of its own; who waits to be activated is no error.
         waits = Level.WARN if self.reason == IDLE else Level.ERROR
         level = Level.OK if state == states.ACTIVE or self._bus.replays else waits
-        words = state if state == states.ACTIVE else f"{state}: {self.reason}"
+        why = self._bus.doing if self.preparing and self._bus.doing else self.reason
+        words = state if state == states.ACTIVE else f"{state}: {why}"
         values = (("state", state),)
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, words, values))

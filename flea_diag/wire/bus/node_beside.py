@@ -55,6 +55,7 @@ class NodeBeside:
         declared: Declared[Any] = Declared(self._node, program.parameters)
         self.bus: Bus[Any] = Bus(self._node, self._executor, declared, Future())
         self.managed = Managed(program, self.bus, self._node, lambda: declared.value)
+        declared.is_fixed = lambda: self.managed.configured
 
     def close(self) -> None:
         """Close the program and destroy the node."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
-from flea_diag.wire.bus.declared import Common, Declared
+from flea_diag.wire.bus.declared import ONCE_CONFIGURED, Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.life_cycle import ACTIVATE
 from flea_diag.wire.bus.managed import Managed
@@ -141,7 +141,7 @@ def _explained(entry: Descriptor) -> str:
     notes += [f"at least {entry.minimum!r}"] if entry.minimum is not None else []
     notes += [f"at most {entry.maximum!r}"] if entry.maximum is not None else []
     notes += ["one of " + ", ".join(entry.choices)] if entry.choices else []
-    notes += ["read-only"] if entry.read_only else []
+    notes += [ONCE_CONFIGURED] if entry.read_only else []
     unit = f" [{entry.unit}]" if entry.unit else ""
     kind = "list" if entry.kind is tuple else entry.kind.__name__
     return f"  {entry.name:20} {entry.doc}{unit}\n  {'':20} ({kind}, {', '.join(notes)})"
@@ -176,7 +176,8 @@ def _run(program: Program, arguments: list[str]) -> int:
         finished: Any = Future()
         bus = Bus(node, executor, declared, finished)
         ending.on_signal = bus.end
-        managed = Managed(program, bus, node, lambda: declared.value)
+        managed = made = Managed(program, bus, node, lambda: declared.value)
+        declared.is_fixed = lambda: made.configured
         managed.on_open = lambda: setattr(ending, "patience_s", CLOSE_PATIENCE_S)
         bus.on(ACTIVATE, _spare_what_stays)
         if declared.common.autostart:

@@ -223,3 +223,50 @@ def test_the_services_answer_while_the_node_compiles(domain: int) -> None:
         assert not peer.change_state("toy", "configure")
         assert process.signal(signal.SIGTERM) == 0
     assert "Traceback" not in process.output
+
+
+def test_what_is_fixed_at_configuration_can_be_set_before_it_and_after_cleanup(
+    managed: Managed,
+) -> None:
+    """As `ros2 param set` does for a node that waits for its manager; the stage is built of it."""
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    peer = managed.peer
+
+    def refusal(value: str) -> str:
+        request = SetParameters.Request(
+            parameters=[Parameter("serial", value=value).to_parameter_msg()]
+        )
+        return str(peer.call(SetParameters, "/toy/set_parameters", request).results[0].reason)
+
+    assert refusal("bad") == ""
+    assert refusal("EMA-7") == ""
+    assert managed.peer.change_state("toy", "configure")
+    assert "serial is read-only once the node is configured" in refusal("EMA-8")
+    assert managed.peer.change_state("toy", "cleanup")
+    assert refusal("EMA-8") == ""
+
+
+def test_a_clock_that_does_not_come_and_a_second_node_of_the_name_are_warned_of(
+    domain: int,
+) -> None:
+    with (
+        Process(toy("-p", "use_sim_time:=true"), domain) as process,
+        Process(toy(), domain) as other,
+    ):
+        process.wait_for("use_sim_time is true and nothing comes on /clock", LIMIT_S)
+        for each in (process, other):
+            each.wait_for("another node is called /toy, too", LIMIT_S)
+            assert each.output.count("another node") == 1
+
+
+def test_a_node_that_is_not_ready_says_every_few_seconds_what_it_does(domain: int) -> None:
+    """It is busy in a thread of its own, and its services answer meanwhile."""
+    from lifecycle_msgs.srv import GetState
+
+    with Process(toy("-p", "busy:=true"), domain) as process, Peer(domain) as peer:
+        process.wait_for("starting for 5 s: reading files", LIMIT_S)
+        answer = peer.call(GetState, "/toy/get_state", GetState.Request())
+        assert answer.current_state.label == "configuring"
+        process.child.kill()
