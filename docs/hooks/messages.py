@@ -22,6 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 from flea_diag.wire import records as r
 from flea_diag.wire.messages.codec import decode, encode
 from flea_diag.wire.messages.summary import summary
+from flea_diag.wire.messages.verdict_numbers import verdict_numbers
 from flea_diag.wire.topics import TOPIC_OF
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,6 +64,13 @@ MADE: tuple[r.Record, ...] = (
     r.FeatureValue(
         _T + 150_000_000, 1, 1, "accelerometer_2_crest", _T - 1_000_000_000, _T,
         4.25, "1", "0^", 3.5, 4.5, "", 0.5,
+    ),
+    verdict_numbers(
+        r.AmbiguityGroup(
+            _T, r.Outcome.ISOLATED, 1, 3, 9,
+            (r.Candidate("jam", "jam+", 0.97, "fits", (), 118.5, 4.25, "N"),),
+            (), _T - 2_500_000_000, "the fault is jam", "", "live",
+        )
     ),
     r.Remark(_T, r.RemarkKind.COMMENT, "console", "lubricated at noon", "live", _T - 5_000_000_000),
 )  # fmt: skip

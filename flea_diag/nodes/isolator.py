@@ -31,7 +31,7 @@ def program() -> Program:
                 r.FeatureValue,
                 r.Remark,
             ),
-            publishes=(r.FeatureRequest, r.Hypotheses, r.AmbiguityGroup),
+            publishes=(r.FeatureRequest, r.Hypotheses, r.AmbiguityGroup, r.VerdictNumbers),
         ),
         examples=(
             "ros2 topic echo /ambiguity_group",

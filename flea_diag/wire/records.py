@@ -416,6 +416,18 @@ class FeatureValue:
 
 
 @dataclass(frozen=True, slots=True)
+class VerdictNumbers:
+    """A verdict as numbers, for plots and for programs that read no text: ``values`` by name.
+
+    ``verdict_numbers`` says which there are.
+    """
+
+    stamp_ns: int
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Truth:
     """True fault of the stand, where the source knows it; no stage reads it."""
 
@@ -468,6 +480,7 @@ Record = (
     | Symbols
     | Hypotheses
     | AmbiguityGroup
+    | VerdictNumbers
     | FeatureRequest
     | FeatureValue
     | Truth

@@ -44,6 +44,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(r.AmbiguityGroup, "ambiguity_group", DIAGNOSTIC_ARRAY, 1, True, 12),
     Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 13),
     Topic(r.Remark, "remark", DIAGNOSTIC_ARRAY, 50, True, 14),
+    Topic(r.VerdictNumbers, "verdict_numbers", JOINT_STATE, 1, True, 15),
 )
 
 TOPIC_OF: dict[type, Topic] = {topic.record: topic for topic in TOPICS}

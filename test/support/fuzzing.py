@@ -35,6 +35,7 @@ from flea_diag.wire.records import (
     Health,
     Level,
     Record,
+    VerdictNumbers,
     VibrationBlock,
     VibrationLevel,
 )
@@ -265,6 +266,7 @@ def _said() -> list[Record]:
 _VIBRATION: tuple[Record, ...] = (
     VibrationBlock.pack(10**18, ("x", "y"), np.arange(8) * 50_000, np.ones((8, 2))),
     VibrationLevel(10**18, ("x", "y"), (0.1, 0.2), (3.1, 2.9)),
+    VerdictNumbers(10**18, ("outcome", "probability/jam"), (2.0, 0.9)),
     FeatureRequest(10**18, 1, 1, "accelerometer_2_crest", 10**18 - 10**9, 10**18),
     FeatureValue(10**18, 1, 1, "crest", 10**18 - 10**9, 10**18, 3.0, "1", "+", 2.0, 4.0, "", 0.1),
     Health(10**18, "observer", Level.OK, "running", (("cpu_percent", "3.0"),)),

@@ -107,7 +107,7 @@ class StageOutput:
         """Mark the verdict stale: nothing is judged until the node is activated again."""
         changed = self._verdict.source_silent(True)
         if changed is not None:
-            self._bus.publish(changed)
+            self._publish_verdict(changed)
 
     def forget(self) -> None:
         """Forget what was said of the run so far."""

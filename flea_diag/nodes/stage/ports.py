@@ -16,6 +16,7 @@ from flea_diag.wire.records import (
     Residual,
     Scan,
     Symbols,
+    VerdictNumbers,
     VibrationBlock,
 )
 
@@ -28,6 +29,7 @@ JUDGEMENTS = (
     FeatureValue,
     Hypotheses,
     AmbiguityGroup,
+    VerdictNumbers,
 )
 
 SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, Remark)

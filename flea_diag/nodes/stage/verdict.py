@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flea_diag.wire.messages.summary import summary
+from flea_diag.wire.messages.verdict_numbers import verdict_numbers
 from flea_diag.wire.records import AmbiguityGroup, Record, Verdict
 
 
@@ -42,13 +43,13 @@ class NumberedVerdict:
         return self._numbered(self._group)
 
     def messages(self, group: AmbiguityGroup, stand: str) -> tuple[Record, ...]:
-        """Records to publish for a group: its hypotheses if they are new, then its summary."""
-        brief = summary(group, stand)
+        """Records to publish for a group: its hypotheses if new, its summary, its numbers."""
+        brief, numbers = summary(group, stand), verdict_numbers(group)
         verdict = group.verdict, group.words
         if verdict == self._published:
-            return (brief,)
+            return brief, numbers
         self._published = verdict
-        return group.hypotheses(), brief
+        return group.hypotheses(), brief, numbers
 
     def _numbered(self, group: AmbiguityGroup) -> AmbiguityGroup:
         self._seq += 1

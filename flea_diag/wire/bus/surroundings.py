@@ -6,6 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from flea_diag.wire.messages.codec import message_class
+from flea_diag.wire.records import Health
+
 LOOK_S = 1.0
 CLOCK_S = 3.0
 """Time in ``active`` without /clock after which it is missed; a player sends it once nodes are."""
@@ -67,11 +70,10 @@ class Surroundings:
             self._close()
 
     def _listen(self) -> None:
-        from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.qos import qos_profile_sensor_data
 
         self._reports = self._node.create_subscription(
-            DiagnosticArray, "/diagnostics", self._heard, qos_profile_sensor_data
+            message_class(Health), "/diagnostics", self._heard, qos_profile_sensor_data
         )
 
     def _heard(self, message: Any) -> None:

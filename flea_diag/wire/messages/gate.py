@@ -40,6 +40,7 @@ _NAMES: dict[type, tuple[Callable[[Any], Names], ...]] = {
     r.Scan: (attrgetter("channels"),),
     r.VibrationBlock: (attrgetter("axes"),),
     r.VibrationLevel: (attrgetter("axes"),),
+    r.VerdictNumbers: (attrgetter("names"),),
     r.Residual: tuple(map(attrgetter, ("names", "regressor_names", "estimated"))),
     r.ChannelTable: (lambda table: tuple(row.name for row in table.channels),),
     r.DataQuality: (lambda quality: tuple(row.channel for row in quality.channels),),

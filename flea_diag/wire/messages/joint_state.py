@@ -50,7 +50,7 @@ _MOST_READ = 64
 
 
 def encode(record: Any, _: str) -> bytes:
-    """CDR bytes of a Scan, Residual or VibrationLevel."""
+    """CDR bytes of a record of numbers."""
     form_of, values_of = _COLUMNS[type(record)]
     form, values = form_of(record), values_of(record)
     if len(form.names) != len(values):
@@ -73,7 +73,7 @@ def _form(names: Names) -> _Form:
 
 
 def decode(record_type: type, reader: CdrReader) -> Any:
-    """Read a Scan, Residual or VibrationLevel; velocity and effort are skipped."""
+    """Read a record of numbers; velocity and effort are skipped."""
     stamp_ns = reader.stamp_ns()
     names = reader.texts()
     values, end = _floats(reader), reader.place
@@ -247,6 +247,7 @@ _COLUMNS: dict[type, tuple[Callable[[Any], _Form], Callable[[Any], Sequence[floa
     r.Scan: (lambda scan: _form(tuple(scan.channels)), attrgetter("values")),
     r.Residual: (_residual_form, _residual_values),
     r.VibrationLevel: (_level_form, _level_values),
+    r.VerdictNumbers: (lambda told: _form(tuple(told.names)), attrgetter("values")),
 }
 """Record type -> functions that give the form, with ``name``, and ``position``."""
 
@@ -254,5 +255,6 @@ _RECORD: dict[type, Callable[[int, tuple[str, ...], tuple[float, ...]], Any]] = 
     r.Scan: r.Scan,
     r.Residual: _residual,
     r.VibrationLevel: _level,
+    r.VerdictNumbers: r.VerdictNumbers,
 }
 """Record type -> function that builds it from stamp, ``name`` and ``position``."""

@@ -104,6 +104,7 @@ def blocks(draw: st.DrawFn) -> r.VibrationBlock:
 RECORDS: dict[type, st.SearchStrategy[Any]] = {
     r.Scan: numbers(r.Scan),
     r.VibrationLevel: levels(),
+    r.VerdictNumbers: numbers(r.VerdictNumbers),
     r.Residual: residuals(),
     r.VibrationBlock: blocks(),
     **{row.record: judgements(row.record) for row in TOPICS if row.message == DIAGNOSTIC_ARRAY},
