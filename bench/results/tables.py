@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from folded import details, folded, listed, split_rows
 from kept import KeptResult, KeptRow
 
 from flea_diag.tools.interval import rate_interval, wilson
@@ -11,10 +12,32 @@ from flea_diag.tools.interval import rate_interval, wilson
 ORIGIN = ("date", "commit", "seed", "developed on", "scored on")
 
 
-def markdown(kept: KeptResult) -> str:
-    """Title, origin, notes and the table of one file."""
-    lines = [f"## {kept.title}", "", said_of(kept), "", *(f"{note}\n" for note in kept.notes)]
-    return "\n".join([*lines, *table(columns(kept))]) + "\n"
+def markdown(kept: KeptResult, pictures: Sequence[str] = ()) -> str:
+    """Title, origin, notes, pictures and the table of one file; what is wide is folded below."""
+    shared, cells = common(columns(kept))
+    shown, rest = folded(cells)
+    first, others = split_rows(shown)
+    below = [*(table(others) if others else ()), *([""] if others else ())]
+    below += listed(cells["row"], rest)
+    lines = [f"## {kept.title}", "", said_of(kept), "", *((shared, "") if shared else ())]
+    lines += [f"{note}\n" for note in kept.notes]
+    lines += [*table(first), ""] if len(first) > 1 else []
+    lines += [f"![{kept.title}: what the table says]({name})\n" for name in pictures]
+    lines += details("the rest of the table" if len(first) > 1 else "in figures", below)
+    return "\n".join(lines) + "\n"
+
+
+def common(cells: dict[str, list[str]]) -> tuple[str, dict[str, list[str]]]:
+    """A sentence on what holds for every row, and the columns that differ.
+
+    The count of a share stands in its result.
+    """
+    same = [n for n in ORIGIN if n in cells and len(set(cells[n])) == 1 and len(cells[n]) > 1]
+    words = ", ".join(f"{name} {cells[name][0]}" for name in same)
+    left = {name: values for name, values in cells.items() if name not in same}
+    if all(" of " in value and value.endswith("%") for value in cells.get("result", ("",))):
+        left.pop("n", None)
+    return f"All rows: {words}." if words else "", left
 
 
 def said_of(kept: KeptResult) -> str:
