@@ -6,7 +6,9 @@ prefix by the ament index over AMENT_PREFIX_PATH, then the executables in lib/fl
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -209,3 +211,22 @@ def test_the_citation_names_this_version_and_the_paper() -> None:
     assert told["version"] == __version__
     assert "A Case Study on Electromechanical Actuators" in told["references"][0]["title"]
     assert told["license"] == "Apache-2.0"
+
+
+def test_package_xml_declares_every_package_of_ros_that_is_imported() -> None:
+    """A module of ROS has the name of its package; others are Python's own, or of pip."""
+    packages = ROOT / "package.xml"
+    declared = set(re.findall(r"<exec_depend>(\w+)</exec_depend>", packages.read_text("utf-8")))
+    imported = set()
+    for folder in ("flea_diag", "flea_sim_driver", "launch"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+                names += [a.name for a in node.names] if isinstance(node, ast.Import) else []
+                imported |= {name.partition(".")[0] for name in names}
+    of_ros = {"rclpy", "launch", "launch_ros", "ament_index_python"}
+    of_ros |= {name for name in imported if name.endswith(("_msgs", "_srvs", "_interfaces"))}
+    carried = {topic.message.partition("/")[0] for topic in TOPICS}
+    assert (imported & of_ros) | carried <= declared
+    inside = {"builtin_interfaces", "std_msgs"}  # stamps and headers, in the bytes of the codec
+    assert {name for name in declared if "python3" not in name} <= of_ros | carried | inside
