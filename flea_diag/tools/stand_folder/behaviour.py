@@ -32,8 +32,10 @@ from flea_diag.tools.series.series_words import (
 Array = npt.NDArray[np.float64]
 
 MOST_ROWS = 3000
-MOST_UNKNOWN = 10
-"""Series without a telling name among which voltage, current and load are looked for."""
+MOST_UNKNOWN = 12
+"""Series without a telling name, of more of which nothing is told but temperatures."""
+COVERED = 0.8
+"""Share of the recording that a series must cover to be told by what it follows."""
 WHITE = 0.5
 """Share of noise, without memory, in the variance from which on a series does not move."""
 SLOW_SHARE, LEAST_TEMPERATURE = 0.02, 5.0
@@ -55,7 +57,8 @@ def named_by_behaviour(sources: Sequence[SeriesSum], period_s: float) -> tuple[S
     found = _Behaviour(sources, period_s)
     if any(found.is_unknown(k) for k in range(len(sources))):
         found.temperatures()
-        if any(moves(each.values) for each in sources):
+        few = len(found.unknown()) <= MOST_UNKNOWN
+        if few and any(moves(each.values) for each in sources):
             found.speeds()
             found.motor()
             found.others()
@@ -77,7 +80,8 @@ class _Behaviour:
     def is_unknown(self, number: int) -> bool:
         """Whether nothing is known of a source yet."""
         words = self.sources[number].words
-        return not words.quantity and ERROR not in words.qualifiers
+        covers = float(np.isfinite(self.sources[number].values).mean()) >= COVERED
+        return not words.quantity and ERROR not in words.qualifiers and covers
 
     def _are(self, quantity: str) -> list[int]:
         """Sources of a quantity that are no commands."""
@@ -87,8 +91,9 @@ class _Behaviour:
             if each.words.quantity == quantity and not each.words.qualifiers & {COMMANDED, ERROR}
         ]
 
-    def _unknown(self) -> list[int]:
-        return [k for k in range(len(self.sources)) if self.is_unknown(k)][:MOST_UNKNOWN]
+    def unknown(self) -> list[int]:
+        """Sources of which nothing is known yet."""
+        return [k for k in range(len(self.sources)) if self.is_unknown(k)]
 
     def _take(self, number: int, quantity: str, because: str, *qualifiers: str) -> None:
         each = self.sources[number]
@@ -101,8 +106,7 @@ class _Behaviour:
 
     def temperatures(self) -> None:
         """Positive and slow; the least noisy is that of the air, the warmest that of the motor."""
-        unknown = [k for k in range(len(self.sources)) if self.is_unknown(k)]
-        slow = [k for k in unknown if self._is_slow(self.sources[k].values)]
+        slow = [k for k in self.unknown() if self._is_slow(self.sources[k].values)]
         owners = ["motor", "nut"]
         if len(slow) > 1:
             air = min(slow, key=lambda k: _noise(self.sources[k].values, 1.0))
@@ -123,7 +127,7 @@ class _Behaviour:
 
     def speeds(self) -> None:
         """The position and the speed that is its rate most exactly."""
-        unknown = self._unknown()
+        unknown = self.unknown()
         places, speeds = [*unknown, *self._are(POSITION)], [*unknown, *self._are(SPEED)]
         shares = {
             (place, speed): explained(self._mean[speed], [self._rate[place]])
@@ -139,7 +143,7 @@ class _Behaviour:
 
     def motor(self) -> None:
         """Position, voltage and current that the equations of a motor fit best."""
-        free = [k for k in self._unknown() if not self._is_command(k)]
+        free = [k for k in self.unknown() if not self._is_command(k)]
         places = self._are(POSITION) or free
         # A torque or an effort serves where no current is named.
         stand_in = [*self._are(EFFORT), *self._are(TORQUE)]
@@ -161,7 +165,7 @@ class _Behaviour:
         return any(
             explained(self._mean[number], [self._mean[k]]) > LIKE_COMMAND
             and own < LESS_NOISE * _noise(self.sources[k].values, 0.0)
-            for k in self._unknown()
+            for k in self.unknown()
             if k != number
         )
 
@@ -189,14 +193,14 @@ class _Behaviour:
     def others(self) -> None:
         """What goes with a known one, its command or another reading; and a load that is left."""
         for quantity, least in ((POSITION, LIKE), (VOLTAGE, SECOND_VOLTAGE)):
-            for known, other in itertools.product(self._are(quantity), self._unknown()):
+            for known, other in itertools.product(self._are(quantity), self.unknown()):
                 share = explained(self._mean[other], [self._mean[known]])
                 if self.is_unknown(other) and share > least:
                     self._beside(known, other, quantity)
         places, currents = self._are(POSITION), self._are(CURRENT)
         if places and currents and not self._are(FORCE):
             without = self._merit(places[0], currents[0], None, None)
-            gained = {k: self._merit(places[0], currents[0], None, k) for k in self._unknown()}
+            gained = {k: self._merit(places[0], currents[0], None, k) for k in self.unknown()}
             best = max(gained, key=lambda k: gained[k], default=-1)
             if gained.get(best, 0.0) > without:
                 self._take(best, FORCE, "the current goes with it")

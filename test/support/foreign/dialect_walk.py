@@ -1,0 +1,117 @@
+"""A recording in a drawn dialect walked through ``flea stand new``, held against the plain one."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from flea_diag.configuration.channels import channel_sources
+from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.main import main
+from flea_diag.tools.recordings.mapped_source import mapped_recordings
+from support.foreign.bag_dialects import bag_of, drawn_bag, plain_bag
+from support.foreign.table_dialects import Motion, drawn_dialect, motion_of, plain, written
+
+KEYS = ("unit", "sign", "scale")
+
+
+@dataclass(frozen=True)
+class Walked:
+    """What came of one recording; ``wrong`` says in what it is, "" where it is right."""
+
+    words: str
+    status: int
+    said: str
+    wrong: str
+
+
+def walked_table(folder: Path, seed: int) -> Walked:
+    """Draw a dialect and a motion, write both ways, and hold the stands against each other."""
+    rng = np.random.default_rng(seed)
+    dialect = drawn_dialect(rng)
+    motion = motion_of(dialect, rng)
+    folder.mkdir()
+    clean = written(folder / "clean", motion, plain(dialect), rng)
+    return _walked(folder, clean, written(folder / "run", motion, dialect, rng), dialect.words)
+
+
+def walked_bag(folder: Path, seed: int) -> Walked:
+    """The same with a bag."""
+    rng = np.random.default_rng(seed)
+    dialect, motion = drawn_bag(rng), Motion.drawn(rng)
+    folder.mkdir()
+    clean = bag_of(folder / "clean", motion, plain_bag(dialect), rng)
+    return _walked(folder, clean, bag_of(folder / "run", motion, dialect, rng), dialect.words)
+
+
+def _walked(folder: Path, clean: Path, file: Path, words: str) -> Walked:
+    expected, _, _ = _new(folder / "expected", clean)
+    status, out, errors = _new(folder / "mine", file)
+    lines = errors.splitlines()
+    if status:
+        one = len(lines) == 1 and lines[0].startswith("flea: ") and "Traceback" not in errors
+        return Walked(words, status, errors.strip(), "" if one else "no single line")
+    if expected:
+        return Walked(words, status, out, "the plain table is refused, this is not")
+    wrong = _differs(folder / "expected", folder / "mine") or _readings(folder, clean, file)
+    return Walked(words, status, out, wrong)
+
+
+def _new(stand: Path, recording: Path) -> tuple[int, str, str]:
+    out, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+        status = main(["stand", "new", str(stand), "--from", str(recording)])
+    return status, out.getvalue(), errors.getvalue()
+
+
+def _differs(one: Path, other: Path) -> str:
+    """In what two stands differ: description, channels, their sources, units and signs."""
+    read = [yaml.safe_load((s / "channels.yaml").read_text(encoding="utf-8")) for s in (one, other)]
+    rows = [each["channels"] for each in read]
+    if rows[0].keys() != rows[1].keys():
+        return f"channels {sorted(rows[1])} instead of {sorted(rows[0])}"
+    for name, wanted in rows[0].items():
+        found = rows[1][name]
+        for key in KEYS:
+            same = found.get(key) == wanted.get(key)
+            near = key == "scale" and np.isclose(
+                found.get(key, 1.0), wanted.get(key, 1.0), rtol=0.01
+            )
+            if not same and not near:
+                return f"{name}: {key} {found.get(key)} instead of {wanted.get(key)}"
+        places = [row.get("column") or row["field"] for row in (found, wanted)]
+        if places[0] != places[1]:
+            return f"{name}: {places[0]} instead of {places[1]}"
+    if abs(read[0]["rate_hz"] / read[1]["rate_hz"] - 1.0) > 0.05:
+        return f"rate {read[1]['rate_hz']} instead of {read[0]['rate_hz']} Hz"
+    return ""
+
+
+def _readings(folder: Path, clean: Path, file: Path) -> str:
+    """Whether the scans hold the readings of the plain table."""
+    made = []
+    for stand, recording in ((folder / "expected", clean), (folder / "mine", file)):
+        found = list(mapped_recordings(recording, channel_sources(load_stand(stand.absolute()))))
+        if len(found) != 1:
+            return f"{len(found)} recordings"
+        scans = found[0].scans()
+        stamps = np.array([scan.stamp_ns for scan in scans])
+        made.append(((stamps - stamps[0]) * 1e-9, np.array([scan.values for scan in scans])))
+    (at_s, wanted), (own_s, values) = made
+    if len(own_s) < 0.8 * len(at_s):
+        return f"{len(own_s)} scans instead of {len(at_s)}"
+    for column in range(wanted.shape[1]):
+        use, known = np.isfinite(values[:, column]), np.isfinite(wanted[:, column])
+        expected = np.interp(own_s[use], at_s[known], wanted[known, column])
+        off = np.abs(values[use, column] - expected)
+        span = float(np.ptp(wanted[known, column]))
+        if float(np.quantile(off, 0.99)) > 0.05 * span:
+            return f"readings of column {column} are off by {float(off.max()) / span:.0%}"
+        if use.mean() < 0.8:
+            return f"{use.mean():.0%} of the readings of column {column}"
+    return ""

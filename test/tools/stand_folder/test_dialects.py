@@ -1,0 +1,23 @@
+"""Recordings in drawn dialects: the same stand as from the plain one, or one true line.
+
+A sample; bench/robustness/dialects.py draws thousands.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.foreign.dialect_walk import walked_bag, walked_table
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_table_in_any_dialect_gives_the_stand_of_the_plain_one(tmp_path: Path, seed: int) -> None:
+    found = walked_table(tmp_path / "walk", seed)
+    assert not found.wrong, f"{found.words}: {found.wrong}"
+
+
+@pytest.mark.parametrize("seed", [3, 14, 40])
+def test_a_bag_of_any_habit_gives_the_stand_of_the_plain_one(tmp_path: Path, seed: int) -> None:
+    found = walked_bag(tmp_path / "walk", seed)
+    assert not found.wrong, f"{found.words}: {found.wrong}"
