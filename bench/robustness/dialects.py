@@ -1,6 +1,6 @@
 """Recordings in drawn dialects: the same stand as from the plain one, or one true line.
 
-python bench/robustness/dialects.py                     1500 tables, 700 bags
+python bench/robustness/dialects.py                     1300 tables, 700 bags
 python bench/robustness/dialects.py 200 100 --seed 9    fewer, of other seeds
 """
 
@@ -21,7 +21,7 @@ from support.foreign.dialect_walk import Walked, walked_bag, walked_table
 def main() -> int:
     """One line for each recording that is neither right nor refused in one line."""
     parser = bench_parser(__doc__)
-    parser.add_argument("tables", nargs="?", type=int, default=1500)
+    parser.add_argument("tables", nargs="?", type=int, default=1300)
     parser.add_argument("bags", nargs="?", type=int, default=700)
     parser.add_argument("--seed", type=int, default=20_000, help="of the first (default 20000)")
     args = parser.parse_args()
@@ -29,7 +29,12 @@ def main() -> int:
     kinds = (("tables", walked_table, args.tables), ("bags", walked_bag, args.bags))
     for name, walk, count in kinds:
         seeds = range(args.seed, args.seed + count)
-        found = [_told(walk, seed) for seed in seeds]
+        found = []
+        for seed in seeds:
+            found.append(_told(walk, seed))
+            if len(found) % 100 == 0:
+                bad = sum(bool(each.wrong) for each in found)
+                print(f"{name:6s} {len(found)} of {count}: {bad} wrong", flush=True)
         bad = sum(bool(each.wrong) for each in found)
         refused = sum(each.status != 0 for each in found)
         figures.append(

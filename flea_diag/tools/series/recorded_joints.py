@@ -21,7 +21,6 @@ from flea_diag.tools.series.series_words import (
     OTHER,
     POSITION,
     QUALIFIERS,
-    QUANTITIES,
     SPEED,
     unit_of,
     words_of,
@@ -126,7 +125,7 @@ def _is_telling(slot: str, is_table: bool) -> bool:
     if slot in _AXES and not is_table:
         return False
     words = [word for word in re.findall(r"[a-z]+", slot.lower()) if word not in _ANY]
-    known = [w for w in words if w in QUANTITIES or w in QUALIFIERS or w in _OF_READINGS]
+    known = [w for w in words if words_of(w).quantity or w in QUALIFIERS or w in _OF_READINGS]
     return not known and not unit_of(slot, "")
 
 
@@ -136,7 +135,7 @@ def _parts(series: Sequence[Series]) -> list[dict[int, str]]:
     slots = [_slots(each) for each in series]
     for number, own in enumerate(slots):
         for at, slot in enumerate(own):
-            if _is_telling(slot, "column" in series[number].place):
+            if len(own) > 1 and _is_telling(slot, "column" in series[number].place):
                 key = at, (*own[:at], "*", *own[at + 1 :])
                 alternatives[key].setdefault(slot, []).append(number)
     sets = [each for each in alternatives.values() if len(each) > 1]

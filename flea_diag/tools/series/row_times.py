@@ -171,7 +171,7 @@ def _rises(series: Series) -> bool:
 
 
 def _counts(series: Series) -> bool:
-    return float(np.median(_steps(series))).is_integer()
+    return float(np.median(_steps(series))) == 1.0
 
 
 def _unit(series: Series) -> str:

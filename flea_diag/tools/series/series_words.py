@@ -60,7 +60,8 @@ WEAK = frozenset({
     "state", "scaling",
 })  # fmt: skip
 """Words of columns that no sensor fills, where no other word says a quantity."""
-COMPOUNDS = ("strom", "drehzahl", "spannung", "winkel", "temperatur", "kraft", "geschwindigkeit",
+COMPOUNDS = ("strom", "drehzahl", "lage",
+             "spannung", "winkel", "temperatur", "kraft", "geschwindigkeit",
              "position", "drehmoment", "weg")  # fmt: skip
 """Words that others end on, in German."""
 LETTERS = {"x": POSITION, "f": FORCE, "n": SPEED, "phi": POSITION}
@@ -78,7 +79,7 @@ QUALIFIERS: dict[str, str] = {
         ("motor", "winding", "stator", "coil", "mot", "imot", "umot", "drive", "servo"), "motor"
     ),
     **dict.fromkeys(("nut", "screw", "ballscrew", "spindle"), "nut"),
-    **dict.fromkeys(("load", "output", "brake", "external", "loadcell"), "load"),
+    **dict.fromkeys(("load", "output", "brake", "external", "ext", "loadcell"), "load"),
     **dict.fromkeys(("actuator", "ram", "rod", "piston", "cylinder"), "actuator"),
     **dict.fromkeys(
         ("surface", "aileron", "flap", "rudder", "elevator", "hinge", "crank"), "surface"

@@ -34,6 +34,7 @@ Array = npt.NDArray[np.float64]
 MOST_ROWS = 3000
 MOST_UNKNOWN = 12
 """Series without a telling name, of more of which nothing is told but temperatures."""
+FEWEST_ROWS = 200  # assumption: size of a sample
 COVERED = 0.8
 """Share of the recording that a series must cover to be told by what it follows."""
 WHITE = 0.5
@@ -57,7 +58,7 @@ def named_by_behaviour(sources: Sequence[SeriesSum], period_s: float) -> tuple[S
     found = _Behaviour(sources, period_s)
     if any(found.is_unknown(k) for k in range(len(sources))):
         found.temperatures()
-        few = len(found.unknown()) <= MOST_UNKNOWN
+        few = len(found.unknown()) <= MOST_UNKNOWN and len(sources[0].values) >= FEWEST_ROWS
         if few and any(moves(each.values) for each in sources):
             found.speeds()
             found.motor()

@@ -33,7 +33,6 @@ OWNERS = ("nut", "ambient", "load", "surface")
 """Parts whose reading is never that of another part."""
 ALIKE: Mapping[tuple[str, str], float] = {
     (FORCE, TORQUE): -0.4,
-    (TORQUE, FORCE): -0.4,
     (EFFORT, TORQUE): 0.0,
     (EFFORT, FORCE): -0.3,
     (EFFORT, CURRENT): -0.4,

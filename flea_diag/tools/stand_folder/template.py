@@ -193,7 +193,7 @@ def _of_a_joint(grid: ReadingGrid, kind: Template, found: Sequence[ChosenChannel
     names = [each.words for each in grid.recorded.series]
     words = {w for name in names for w in re.findall(r"[a-z]+", name.lower())}
     typed = any(each.source.words.typed == "rad" for each in found)
-    torque = any(each.source.words.quantity == TORQUE for each in found)
+    torque = any(each.source.words.quantity in (TORQUE, EFFORT) for each in found)
     return JOINT if typed or torque or words & _JOINTS else 0.0
 
 

@@ -47,7 +47,7 @@ def columns_of(
     moments, texts = set(), list(left_out)
     given = _named(arrays)
     for name, array in arrays.items():
-        if array.dtype.kind not in "fiubM" or array.ndim > 2 or array.ndim == 0:
+        if array.dtype.kind not in "fiubM" or array.ndim not in (1, 2) or not array.size:
             texts.append(name)
             continue
         tall = array if array.ndim == 1 or array.shape[0] >= array.shape[1] else array.T

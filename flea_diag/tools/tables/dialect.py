@@ -6,7 +6,7 @@ import codecs
 import csv
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flea_diag.errors import RecordingError, shown
@@ -17,6 +17,8 @@ BLANKS = " "
 """Separator that stands for any number of blanks."""
 SEPARATORS = (",", ";", "\t", "|", BLANKS)
 COMMENTS = ("#", "%", "//")
+FEW = 5
+"""Rows that say how many cells all have."""
 LOOKED_AT = 60
 """Rows at the end of the sample by which a dialect is judged."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"),
@@ -110,6 +112,9 @@ def dialect_of(path: Path, lines: Sequence[str]) -> Dialect:
         named = cells_of(remark.lstrip("#%/ ").rstrip("\r\n"), separator)
         before += [named] if len(named) == width else []
     header = header_of_rows(before, width, len(numeric))
+    if len(tail) > FEW and len(header.names) > width and not header.first_row:
+        # Names without cells, such as a comment behind the last column.
+        header = replace(header, names=header.names[:width], units=header.units[:width])
     if separator == "," and width > len(header.names) + 1 > 2:
         raise RecordingError(
             f"{path}: line {first + 1} has {width} cells and its header {len(header.names)} names, "

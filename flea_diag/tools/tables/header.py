@@ -27,6 +27,21 @@ class Header:
     first_row: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
+    @property
+    def repeated(self) -> dict[str, int]:
+        """Names of several columns, and of how many."""
+        return {n: self.names.count(n) for n in self.names if n and self.names.count(n) > 1}
+
+    @property
+    def unique(self) -> tuple[str, ...]:
+        """Names that tell the columns apart: those that are repeated are numbered."""
+        seen: dict[str, int] = {}
+        found = []
+        for name in self.names:
+            seen[name] = seen.get(name, 0) + 1
+            found.append(f"{name}_{seen[name]}" if name in self.repeated else name)
+        return tuple(found)
+
 
 def header_of_rows(before: Sequence[Sequence[str]], width: int, numeric: int) -> Header:
     """Header by the lines before the first row of readings.
@@ -47,6 +62,9 @@ def header_of_rows(before: Sequence[Sequence[str]], width: int, numeric: int) ->
         return Header(names, notes=(f"it has no header: its columns are called {names[0]} to "
                                     f"{names[-1]}",))  # fmt: skip
     last = before[-1]
+    if len({cell for cell in last if cell}) < width - 1:
+        last = max(before, key=lambda cells: _distinct(cells, width))
+        before = before[: before.index(last) + 1]
     glued = _glued(last, width)
     if glued is not None:
         return glued
@@ -58,6 +76,12 @@ def header_of_rows(before: Sequence[Sequence[str]], width: int, numeric: int) ->
     if len(last) == width - 1 and all(cell.strip() for cell in last):
         return Header(("row", *_clean(last)), notes=("its first column has no name",))
     return Header(_clean(last))
+
+
+def _distinct(cells: Sequence[str], width: int) -> int:
+    """How many different names a line has for so many columns."""
+    names = {cell.strip() for cell in cells if cell.strip() and not _is_reading(cell)}
+    return len(names) if len(cells) >= width else 0
 
 
 def _clean(cells: Sequence[str]) -> tuple[str, ...]:

@@ -51,7 +51,13 @@ def table_of_lines(path: Path, lines: Iterator[str], wanted: Sequence[str] | Non
     """Columns of a table by the lines of its text."""
     head = list(itertools.islice(lines, SAMPLE_LINES))
     dialect = dialect_of(path, head)
-    known = dialect.header.names
+    known = dialect.header.unique
+    for name in wanted or ():
+        if name in dialect.header.repeated:
+            raise RecordingError(
+                f"{path} has {dialect.header.repeated[name]} columns {shown(name)}; by their place "
+                f"they are {shown(f'{name}_1')}, {shown(f'{name}_2')}"
+            )
     names = unique(known) if wanted is None else tuple(wanted)
     columns = [
         _Column(name, place, dialect)
@@ -76,7 +82,7 @@ def _table(
         for each in columns:
             each.check(path)
     said = [note for each in columns if (note := each.note())]
-    units = dict(zip(dialect.header.names, dialect.header.units, strict=False))
+    units = dict(zip(dialect.header.unique, dialect.header.units, strict=False))
     return ColumnTable(
         {each.name: np.array(each.values) for each in columns},
         {name: unit for name, unit in units.items() if unit},

@@ -83,7 +83,7 @@ def _states(motion: Motion, dialect: BagDialect, rng: Rng) -> Iterator[tuple[str
         for k in range(20, len(order) - 10, 60):
             order[[k, k + 2]] = order[[k + 2, k]]
     for place, k in enumerate(order.tolist()):
-        if (dialect.odd == "a gap" and 300 <= k < 360) or (
+        if (dialect.odd == "a gap" and 250 <= k < 310) or (
             dialect.odd == "lost" and rng.random() < 0.15
         ):
             continue

@@ -60,7 +60,7 @@ class Motion:
 
     @classmethod
     def drawn(
-        cls, rng: Rng, rows: int = 700, rate_hz: float = 100.0, uneven: bool = False
+        cls, rng: Rng, rows: int = 500, rate_hz: float = 100.0, uneven: bool = False
     ) -> Motion:
         """A motion both ways, with friction, inertia and the noise of its sensors."""
         steps = rng.choice([0.6, 1.0, 1.4], rows) if uneven else np.ones(rows)
