@@ -149,7 +149,7 @@ setup(
     package_data={
         "flea_diag": ["py.typed", "*.pyi"],
         "flea_diag.tools.score": ["templates/*.html"],
-        "flea_diag.web": ["static/*.js", "static/*.css"],
+        "flea_diag.web": ["static/*.js", "static/*.css", "static/uplot/*"],
     },
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "flea_sim_driver*"]),
     install_requires=REQUIRES,

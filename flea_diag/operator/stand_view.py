@@ -14,6 +14,8 @@ from flea_diag.wire.wording import QUALITY_LEVEL
 COMPONENT = ": "
 """Marks the names of statuses that repeat the stand's state, which has panels of its own."""
 OLD_S = 3600.0
+COMPILING = "compiling, "
+"""Begins the message of a node that is not ready since it compiles."""
 STREAM_LEVEL = {"running": None, "waiting": None, "stale": Level.STALE}
 
 
@@ -85,6 +87,16 @@ def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
         for row in bad
     )
     return Panel("channels", f"CHANNELS  {good} good, {len(bad)} not", lines)
+
+
+def compiling(state: OperatorState) -> str:
+    """What is being compiled at the first start, and how long it will take; empty if nothing."""
+    told = (
+        f"{name.rpartition('/')[2]} is {health.message}"
+        for name, health in sorted(state.health.items())
+        if health.message.startswith(COMPILING)
+    )
+    return "; ".join(told)
 
 
 def nodes(state: OperatorState) -> Panel | None:

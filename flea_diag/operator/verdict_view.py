@@ -10,6 +10,7 @@ import math
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.panel import Line, Panel, clock, share
 from flea_diag.operator.quantity import number
+from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, GroupStep, OperatorState
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -64,7 +65,8 @@ def said(state: OperatorState, now_ns: int) -> str:
     """Outcome, possible faults and words of the verdict, or that there is none."""
     group = state.group
     if group is None:
-        return "no verdict yet"
+        progress = compiling(state)
+        return f"no verdict yet: {progress}" if progress else "no verdict yet"
     if state.silent(AmbiguityGroup, now_ns):
         return "NO VERDICT: the diagnosis has stopped publishing"
     return f"{group.outcome.value}{_named(group)}: {in_short(group)}"
@@ -91,9 +93,8 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
     """The verdict with its age and source."""
     group = state.group
     if group is None:
-        return Panel(
-            "verdict", "VERDICT  none yet: waiting for ambiguity_group", _stand_says(state)
-        )
+        why = compiling(state) or "waiting for ambiguity_group"
+        return Panel("verdict", f"VERDICT  none yet: {why}", _stand_says(state))
     level, lines = level_of(group), []
     title = f"VERDICT  {level.name}  {group.outcome.value}  {in_short(group)}"
     if state.silent(AmbiguityGroup, now_ns):

@@ -8,6 +8,7 @@ from flea_diag.operator.action_view import ADVICE, GO_ON, STOP, action, parts
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
 from flea_diag.operator.quantity import number, statistic
+from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, OperatorState
 from flea_diag.operator.verdict_view import in_short, level_of, likely, standing_of
 from flea_diag.web.markup import Markup, clock, joined, moment, tag
@@ -99,8 +100,12 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
         proof = tag("p", found_by(flag), class_="proof soft")
         return _card(Level.WARN, joined(head, proof, _next(ADVICE[Outcome.DETECTED])), Markup())
     if group is None:
-        head = _headline(Level.STALE, "NO VERDICT YET", "No message on ambiguity_group.")
+        progress = compiling(state)
+        words = f"The {progress}." if progress else "No message on ambiguity_group."
+        head = _headline(Level.STALE, "NO VERDICT YET", words)
         advice = "Start the diagnoser, or observer, isolator and extractor."
+        if progress:
+            advice = "Wait: the first start after an installation compiles; later ones do not."
         return _card(Level.STALE, joined(head, _next(advice)), Markup())
     silent = state.silent(AmbiguityGroup, now_ns)
     level = Level.STALE if silent else level_of(group)

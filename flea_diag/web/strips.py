@@ -22,9 +22,11 @@ Array = npt.NDArray[np.float64]
 Row = tuple[int, list[float | None]]
 """Number of the interval since the epoch, and its values."""
 
-STRETCH_NS = {"residual": 50_000_000, "channel": 50_000_000, "vibration": 200_000_000}
+STRETCH_NS = {"residual": 100_000_000, "channel": 100_000_000, "vibration": 200_000_000}
 """Kinds of strip charts and the length of their intervals, each a few samples."""
 KEPT_NS = 60_000_000_000
+PAST_S = 600
+"""What is older than ``KEPT_NS`` is kept so long, as the range of each second."""
 JUMP_NS = 1_000_000_000
 """Step back of the stamps from which on a new run is assumed, as in the nodes."""
 
@@ -42,7 +44,9 @@ class Strip:
 
     def __init__(self, names: Sequence[str], stretch_ns: int) -> None:
         self.names, self._stretch_ns = tuple(names), stretch_ns
-        self._rows: deque[Row] = deque(maxlen=KEPT_NS // stretch_ns)
+        self._rows: deque[Row] = deque()
+        self._past: deque[Row] = deque(maxlen=PAST_S)
+        self._most, self._many = KEPT_NS // stretch_ns, 1_000_000_000 // stretch_ns
         self._lock = threading.Lock()
         self._open = -1
         self._low = np.full(len(self.names), np.nan)
@@ -73,7 +77,22 @@ class Strip:
             row += [_sent(v) for v in self._latest]
             with self._lock:
                 self._rows.append((self._open, row))
+                if len(self._rows) >= self._most + self._many:
+                    self._coarsen()
         self._open = following
+
+    def _coarsen(self) -> None:
+        """Make the oldest second of rows one row."""
+        second = self._rows[0][0] // self._many
+        rows = []
+        while self._rows and self._rows[0][0] // self._many == second:
+            rows.append(self._rows.popleft()[1])
+        self._past.append((second, _reduced(rows, 2 * len(self.names))))
+
+    def past(self) -> list[Row]:
+        """Seconds before the kept intervals, oldest first: number since the epoch and values."""
+        with self._lock:
+            return list(self._past)
 
     def after(self, stretch: int) -> list[Row]:
         """Complete intervals after this one, oldest first."""
@@ -84,6 +103,20 @@ class Strip:
                     break
                 new.append(row)
         return new[::-1]
+
+
+def _reduced(rows: list[list[float | None]], ranges: int) -> list[float | None]:
+    """Least and largest values of columns that alternate so, and the last of the others."""
+    reduced: list[float | None] = []
+    for k, column in enumerate(zip(*rows, strict=True)):
+        known = [value for value in column if value is not None]
+        if not known:
+            reduced.append(None)
+        elif k >= ranges:
+            reduced.append(known[-1])
+        else:
+            reduced.append(max(known) if k % 2 else min(known))
+    return reduced
 
 
 def _sent(value: float) -> float | None:
@@ -160,6 +193,11 @@ class StripCharts:
         if kind != "residual":
             return self._units.get(name, "")
         return unit_of(name, self._limits.get(name, math.nan))
+
+    def past(self, kind: str) -> list[Row]:
+        """Seconds of one kind before the rows of the last minute."""
+        strip = self._strips.get(kind)
+        return strip.past() if strip is not None else []
 
     def after(self, kind: str, stretch: int) -> list[Row]:
         """Rows of one kind that are newer than ``stretch``."""

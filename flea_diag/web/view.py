@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OperatorState
 from flea_diag.web.answer import answer, chips
 from flea_diag.web.causal_paths import causal_paths
@@ -66,7 +67,8 @@ def _answered(shown: Shown) -> object:
     group = state.group
     said = (_said(group), group.stale) if group is not None else ()
     silent = state.silent(AmbiguityGroup, shown.now_ns)
-    return said, silent, state.detection, state.truth, state.features
+    waits = compiling(state) if group is None else ""
+    return said, silent, state.detection, state.truth, state.features, waits
 
 
 def _flow(shown: Shown, _: Tools) -> Markup:

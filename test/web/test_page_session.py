@@ -9,11 +9,19 @@ import pytest
 from support import browser as browsers
 from support.verdicts import FLAG, LAST, NOMINAL, START
 
+from flea_diag.wire.records import Health, Level
+
 pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
 
 from support.screens.page_session import PageSession, page_session
 
 ENTER, ESCAPE = "\ue007", "\ue00c"
+POINT = """(() => {
+  const over = document.querySelector('#panel-residual .u-over'), b = over.getBoundingClientRect();
+  const at = {clientX: b.left + 0.9 * b.width, clientY: b.top + 9, bubbles: true};
+  for (const name of ['mouseenter', 'mousemove']) over.dispatchEvent(new MouseEvent(name, at));
+  return true; })()"""
+"""Points at a moment near the end of the first chart."""
 OPEN = "document.querySelector('dialog[open]')"
 SIZES = ((1920, 1080), (1300, 900), (820, 1180), (390, 844))
 
@@ -23,12 +31,20 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSession]:
     if browsers.missing():
         pytest.skip(browsers.missing())
     with page_session(tmp_path_factory.mktemp("page")) as opened:
+        opened.browser.open(opened.url)
+        yields_its_first_minute(opened)
         opened.tell_channels(lost=1033)
         opened.take(NOMINAL)
         opened.start()
-        opened.browser.open(opened.url)
         opened.browser.until_text(".chips", "LIVE")
         yield opened
+
+
+def yields_its_first_minute(session: PageSession) -> None:
+    """While nodes compile the page says how far they are; before that, what is missing."""
+    session.browser.until_text("#panel-answer", "Start the diagnoser")
+    session.take(Health(1, "/observer", Level.WARN, "compiling, 12 of 31, about 20 s"))
+    session.browser.until_text("#panel-answer", "The observer is compiling, 12 of 31, about 20 s.")
 
 
 def test_a_healthy_stand_says_what_is_and_no_more(session: PageSession) -> None:
@@ -64,6 +80,33 @@ def test_what_is_typed_goes_into_the_dialog_from_the_next_key_on(session: PageSe
     browser.press("a")
     browser.until_text("#panel-episodes", "by Ada")
     assert [mark.text for mark in session.desk.state.marks] == ["load changed"]
+
+
+def test_the_charts_are_held_zoomed_and_kept(session: PageSession) -> None:
+    browser = session.browser
+    frames = "document.querySelector('#panel-residual .strips').frames"
+    values = "[...document.querySelectorAll('#panel-residual output')].map(o => o.innerText).join()"
+    pause = "document.querySelector('[data-strip=pause]')"
+    browser.run("document.getElementById('panel-residual').scrollIntoView()")
+    browser.until(f"{frames} > 2")
+    browser.run(f"{pause}.click()")
+    held = browser.run(frames)
+    # The cursor over one chart shows its moment in all of them, also while they are held.
+    assert browser.run(POINT)
+    browser.until(f"({values}.match(/[0-9]+:[0-9]+:[0-9]+[.][0-9]/g) || []).length >= 4")
+    assert browser.run(frames) == held
+    browser.run("(URL.createObjectURL = (blob) => { window.saved = blob; return '#'; }, true)")
+    browser.run("(document.querySelector('[data-strip=csv]').click(), true)")
+    browser.run("(window.saved.text().then((text) => { window.csv = text; }), true)")
+    browser.until("window.csv?.startsWith('time (UTC),parity_mechanical low (σ)')")
+    browser.run("(document.querySelector('[data-strip=png]').click(), true)")
+    browser.until("window.saved.type === 'image/png' && window.saved.size > 5000")
+    session.z = (9.0, 9.0, 51.0, 0.9)
+    browser.run("(document.querySelector('[data-span=\"600\"]').click(), true)")
+    browser.until(f"{pause}.getAttribute('aria-pressed') === 'false'")
+    browser.run(f"({POINT.replace('mousemove', 'mouseleave')}, true)")
+    browser.until_text("#panel-residual", "▲ 51 readings held")
+    session.z = (0.0, 4.7e-16, 0.0, 0.05)
 
 
 def test_light_and_dark_are_turned_and_remembered(session: PageSession) -> None:

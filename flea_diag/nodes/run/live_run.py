@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import IO, Any
 
@@ -41,6 +42,7 @@ COMPOSED = ("diagnoser", "recorder")
 READY_S = 180.0
 """Long, since numba compiles at the first start after an installation."""
 LATEST_S = 60.0
+ANSWER_S = 0.2
 
 
 class LiveRun:
@@ -56,6 +58,7 @@ class LiveRun:
         self._options, self._bus, self._children = options, bus, children
         self._listeners = COMPOSED if options.composed else SEPARATE
         self._interrupted = interrupted
+        self._told_address = False
         self.bags = [options.bag]
 
     def execute(self) -> None:
@@ -70,7 +73,6 @@ class LiveRun:
         self._children.start("console", EXECUTABLES["console"], given, show=True, keys=keys)
         if self._options.web:
             self._children.start("web", EXECUTABLES["web"], self._parameters("web"))
-            say(f"the page is at http://127.0.0.1:{PORT}/")
         self._until(Consumers(self._bus, self._screens(), READY_S).ready)
         say(f"all nodes are ready; the stand starts, {self._what()}")
         self._children.start("daq", EXECUTABLES["daq"], self._daq_parameters())
@@ -83,6 +85,7 @@ class LiveRun:
     def _until(self, predicate: Callable[[], bool]) -> None:
         def settled() -> bool:
             self._children.supervise(("daq", "console"), self._anew)
+            self._tell_address()
             # Quitting the console ends the run.
             if not self._plain() and self._children.ended("console"):
                 self._interrupted.set()
@@ -91,6 +94,12 @@ class LiveRun:
         limit_s = READY_S + self._options.duration + LATEST_S
         if not self._bus.wait_until(settled, limit_s):
             raise ConfigurationError(f"the run did not end within {limit_s:.0f} s")
+
+    def _tell_address(self) -> None:
+        """Say where the page is, once it answers."""
+        if self._options.web and not self._told_address and answers(PORT):
+            self._told_address = True
+            say(f"the page is at http://127.0.0.1:{PORT}/")
 
     def _what(self) -> str:
         fault = self._options.fault
@@ -137,6 +146,19 @@ class LiveRun:
                 else {}
             ),
         }
+
+
+def answers(port: int) -> bool:
+    """Whether a page is served at this port of this machine: its socket takes calls before that."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=ANSWER_S)
+    try:
+        connection.request("HEAD", "/favicon.ico")
+        connection.getresponse()
+    except (OSError, HTTPException):
+        return False
+    finally:
+        connection.close()
+    return True
 
 
 def machine_of(options: argparse.Namespace) -> str:

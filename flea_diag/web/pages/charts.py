@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from flea_diag.web.markup import Markup, tag
 from flea_diag.web.pages.elements import Strips
 from flea_diag.web.strips import STRETCH_NS, StripCharts
 
@@ -13,24 +14,52 @@ CHARTS = {
     "channel": "Channels",
     "vibration": "Vibration level",
 }
-NOTES = {
-    "residual": "Blue: residual in standard deviations; orange: limits; ▼ detection, ◆ mark. "
-    "Residuals above their limit within the last minute come first; “all” shows the others.",
-    "channel": "Blue: measurement; orange: estimate of the state observer with a band of two "
-    "standard deviations; ▼ detection, ◆ mark. After a detection the estimate is not corrected by "
-    "measurements.",
-    "vibration": "Standard deviation and kurtosis of each block; ▼ detection, ◆ mark.",
-}
-SPANS_S = (10, 30, 60)
-SPANS = (
-    "<span class=spans>"
-    + "".join(
-        f"<button type=button data-span={s} aria-pressed={str(s == 30).lower()}>{s} s</button>"
-        for s in SPANS_S
-    )
-    + "<button type=button data-all aria-pressed=false>all</button></span>"
+HELP = (
+    "Drag over a chart to zoom all of them, double-click to follow the clock again; the cursor "
+    "shows its moment in every chart. Times are UTC."
 )
-"""Buttons for the time shown; in the title of the first block, they hold for all."""
+EVENTS = "▼ solid line: detection; ◆ dotted line: mark."
+NOTES = {
+    "residual": f"Blue: residual; dashed orange: limits, with the band between them. {EVENTS} "
+    "Residuals above their limit within the last minute come first; “all” shows the others. "
+    f"{HELP}",
+    "channel": "Blue: measurement; orange: estimate of the state observer with a band of two "
+    f"standard deviations. {EVENTS} After a detection the estimate is not corrected by "
+    "measurements.",
+    "vibration": f"Standard deviation and kurtosis of each block. {EVENTS}",
+}
+SPANS_S = {10: "10 s", 30: "30 s", 60: "1 min", 600: "10 min"}
+FIRST_SPAN_S = 30
+ACTIONS = (
+    ("onset", "Onset", "jump to the latest detection"),
+    ("pause", "Pause", "hold the charts"),
+    ("png", "PNG", "save a picture of these charts"),
+    ("csv", "CSV", "save the values in view"),
+)
+
+
+def controls(kind: str) -> Markup:
+    """Buttons above a block: those of the first hold for all, and each exports its own charts."""
+    first = kind == next(iter(CHARTS))
+    spans = [
+        tag(
+            "button", words, type="button", data_span=seconds,
+            aria_pressed=str(seconds == FIRST_SPAN_S).lower(),
+        )
+        for seconds, words in SPANS_S.items()
+    ]  # fmt: skip
+    rest = [
+        tag(
+            "button", words, type="button", data_strip=name, title=why,
+            aria_pressed="false" if name == "pause" else None,
+        )
+        for name, words, why in ACTIONS
+        if first or name in ("png", "csv")
+    ]  # fmt: skip
+    every = tag("button", "all", type="button", data_strip="all", aria_pressed="false")
+    shown = [*spans, *rest, every] if first else rest
+    return tag("div", *shown, class_="spans")
+
 
 Marks = tuple[tuple[int, str], ...]
 """Stamps of events with their kind, ``detected`` or ``mark``."""
@@ -51,14 +80,15 @@ class Chart:
         if self.generation != strips.generation:
             self.generation, self.stretch = strips.generation, -1
             about = strips.description(self.kind)
-            self.element.run_method("describe", about, columns(about), self._stretch_ns / 1e9)
+            past = strips.past(self.kind)
+            self.element.run_method("describe", about, columns(about), self._stretch_ns / 1e9, past)
         rows = strips.after(self.kind, self.stretch)
         if not rows and marks == self.marks:
             return
         self.stretch = rows[-1][0] if rows else self.stretch
         self.marks = marks
         self.element.run_method(
-            "push", rows, [{"at": at / self._stretch_ns, "kind": kind} for at, kind in marks]
+            "push", rows, [{"at": at / 1e9, "kind": kind} for at, kind in marks]
         )
 
     @property

@@ -14,7 +14,7 @@ from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
 from flea_diag.web.pages.button import button
-from flea_diag.web.pages.charts import CHARTS, NOTES, SPANS, Chart, Marks
+from flea_diag.web.pages.charts import CHARTS, NOTES, Chart, Marks, controls
 from flea_diag.web.pages.elements import PanelBody, Strips, section
 from flea_diag.web.pages.frame import Frame
 from flea_diag.web.pages.injection import InjectionDialog
@@ -135,7 +135,8 @@ class DiagnosisPage(Frame):
                 self._bodies[name].on("act", self._act)
 
     def _strips(self, kind: str, title: str, key: str) -> None:
-        with section(kind, "", key, title + (SPANS if not self._charts else "")):
+        with section(kind, "", key, title):
+            ui.html(str(controls(kind)), sanitize=False)
             self._charts.append(Chart(kind, Strips()))
             ui.html(NOTES[kind], sanitize=False, tag="p").classes("note")
 

@@ -19,7 +19,9 @@ class PanelBody(ui.element, component=STATIC / "panel.js"):
             self.update()
 
 
-class Strips(ui.element, component=STATIC / "strip_charts.js"):
+class Strips(
+    ui.element, component=STATIC / "strip_charts.js", esm={"uplot": str(STATIC / "uplot")}
+):
     """Strip charts of one kind."""
 
 

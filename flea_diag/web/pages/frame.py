@@ -38,6 +38,7 @@ class Frame:
         changed: Callable[[], None],
     ) -> None:
         self.client, self._changed = client, changed
+        ui.add_css(STATIC / "uplot" / "uPlot.css")
         ui.add_css(STATIC / "flea.css")
         with ui.element("header").classes("bar-top flea"):
             ui.html(title, sanitize=False, tag="div").classes("name")

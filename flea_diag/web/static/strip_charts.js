@@ -1,207 +1,265 @@
-// Strip charts on canvas: the range of each stretch as a band, the estimate with its own band,
-// limits as dashed lines. Between two deliveries of the server the picture goes on by itself.
-const KEPT_S = 60, BEHIND_S = 0.25, FRAME_MS = 33, SCALE_EVERY = 5;
-const flea = { seconds: 30 };  // in view, the same for all charts
+// Strip charts on uPlot: the range of each stretch as a band, the estimate with its own band, limits
+// dashed, detections and marks as lines across. All charts share one view, one cursor and one clock.
+import uPlot from "uplot";
+
+const FINE_S = 60, KEPT_S = 600, DRAW_MS = 300, MANY = 20, BEHIND_S = 0.25, LATELY_MS = 60000;
+// In view, the same for all charts: a span that follows the clock, or a stretch that is held.
+const flea = { seconds: 30, held: null, blocks: new Set() };
+const utc = (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC");
+
+// Columns of one kind: fine ones of the last minute, and before them one row a second.
+class Store {
+  constructor(columns, stretch, kinds) {
+    Object.assign(this, { stretch, kinds, fine: table(columns), past: table(columns), last: -1 });
+    this.many = Math.round(1 / stretch);
+  }
+  put(rows) {
+    for (const [number, row] of rows) {
+      this.last = number;
+      append(this.fine, number * this.stretch, row);
+    }
+    while (this.fine.x.length > FINE_S / this.stretch + this.many) this.coarsen();
+  }
+  before(rows) { for (const [second, row] of rows) append(this.past, second, row); }
+  // What is older than a minute is kept as the range of each second.
+  coarsen() {
+    const count = this.many, row = this.fine.c.map((column, k) => {
+      const values = column.splice(0, count).filter((v) => v !== null);
+      if (!values.length) return null;
+      return this.kinds[k] === "low" ? Math.min(...values) : this.kinds[k] === "high" ? Math.max(...values) : values[values.length - 1];
+    });
+    append(this.past, Math.floor(this.fine.x.splice(0, count)[0]), row);
+    if (this.past.x.length > KEPT_S) { this.past.x.shift(); this.past.c.forEach((column) => column.shift()); }
+  }
+  // Times and these columns, from the first moment that the view needs.
+  view(from, places) {
+    const { fine, past } = this;
+    if (!past.x.length || from >= fine.x[0]) return [fine.x, ...places.map((k) => fine.c[k])];
+    return [past.x.concat(fine.x), ...places.map((k) => past.c[k].concat(fine.c[k]))];
+  }
+}
+const table = (columns) => ({ x: [], c: Array.from({ length: columns }, () => []) });
+function append(to, time, row) {
+  if (to.x.length && time <= to.x[to.x.length - 1]) return;
+  to.x.push(time);
+  to.c.forEach((column, k) => column.push(row[k] ?? null));
+}
 
 class Chart {
-  constructor(about, ring, host) {
-    Object.assign(this, about, { ring, seen: true, range: null, aged: 0, passed: -Infinity });
+  constructor(about, store, host, block) {
+    Object.assign(this, about, { store, block, seen: false, passed: -Infinity });
     this.root = document.createElement("div");
     this.root.className = "strip";
-    this.root.innerHTML = "<header><b></b><output></output></header><canvas role='img'></canvas>";
+    this.root.innerHTML = "<header><b></b><output></output></header><div class='plot' role='img'></div>";
     this.root.querySelector("b").textContent = this.root.querySelector("b").title = about.name;
     this.output = this.root.querySelector("output");
-    this.canvas = this.root.querySelector("canvas");
-    this.context = this.canvas.getContext("2d");
-    this.canvas.setAttribute("aria-label", `strip chart of ${about.name}`);
+    this.place = this.root.querySelector(".plot");
+    this.place.setAttribute("aria-label", `strip chart of ${about.name}`);
+    this.places = [this.low, this.high, this.estimate, this.sigma, this.limit].filter((k) => k !== undefined);
     host.append(this.root);
   }
-  // Least and largest value in view, with room above and below; it shrinks slowly, grows at once.
-  scale(first, last) {
-    const { ring } = this;
-    let lo = Infinity, hi = -Infinity;
-    for (let k = first; k <= last; k++) {
-      const a = ring.at(k, this.low), b = ring.at(k, this.high);
-      if (a < lo) lo = a;
-      if (b > hi) hi = b;
-      if (this.estimate !== undefined) {
-        const e = ring.at(k, this.estimate);
-        if (e < lo) lo = e;
-        if (e > hi) hi = e;
-      }
+  // Low, high, then estimate with its band, or the limits to both sides.
+  data(from) {
+    const [x, low, high, ...rest] = this.store.view(from, this.places);
+    if (this.estimate !== undefined) {
+      const [e, s] = rest, side = (sign) => e.map((v, k) => (v === null || s[k] === null ? null : v + 2 * sign * s[k]));
+      return [x, low, high, e, side(-1), side(1)];
     }
-    if (this.limit !== undefined) {
-      const limit = ring.at(last, this.limit);
-      if (limit === limit) { lo = Math.min(lo, -limit); hi = Math.max(hi, limit); }
-    }
-    if (!(lo <= hi)) { this.range = this.range || [-1, 1]; return; }
-    const room = 0.08 * (hi - lo) || Math.abs(hi) * 0.05 || 1;
-    const want = [lo - room, hi + room], had = this.range;
-    this.range = had ? [Math.min(want[0], had[0] + (want[0] - had[0]) * 0.2), Math.max(want[1], had[1] + (want[1] - had[1]) * 0.2)] : want;
+    if (this.limit !== undefined) return [x, low, high, rest[0], rest[0].map((v) => (v === null ? null : -v))];
+    return [x, low, high];
   }
-  draw(head, colours, marks) {
-    const ratio = Math.min(devicePixelRatio || 1, 2), { canvas, ring } = this;
-    const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
-    if (!width) return;
-    if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
-    const span = flea.seconds / ring.stretch, first = Math.max(Math.floor(head - span), ring.first), last = Math.min(Math.ceil(head), ring.last);
-    if (this.aged-- <= 0) { this.scale(first, last); this.aged = SCALE_EVERY; }
-    const [lo, hi] = this.range, c = this.context;
-    const x = (k) => width * (1 - (head - k) / span), y = (v) => height * (1 - (v - lo) / (hi - lo));
-    c.clearRect(0, 0, width, height);
-    c.lineWidth = ratio;
-    if (lo < 0 && hi > 0) { c.fillStyle = colours.line; c.fillRect(0, Math.round(y(0)), width, ratio); }
-    for (const mark of marks) {
-      c.fillStyle = mark.kind === "detected" ? colours.limit : colours.mark;
-      if (x(mark.at) < 0 || x(mark.at) > width) continue;
-      c.fillRect(x(mark.at), 0, ratio, height);
-      c.fillText(mark.kind === "detected" ? "▼" : "◆", x(mark.at) - 4 * ratio, 9 * ratio);
+  plot(colours, width) {
+    const line = (stroke, more) => ({ stroke, width: 1.3, points: { show: false }, ...more });
+    const thin = { width: 1, dash: [5, 4] }, hidden = { width: 0 };
+    const series = [{}, line(colours.trace), line(colours.trace)], bands = [{ series: [2, 1], fill: colours.trace }];
+    if (this.estimate !== undefined) {
+      series.push(line(colours.estimate), line(colours.estimate, hidden), line(colours.estimate, hidden));
+      bands.push({ series: [5, 4], fill: `${colours.estimate}44` });
+    } else if (this.limit !== undefined) {
+      series.push(line(colours.limit, thin), line(colours.limit, thin));
+      bands.push({ series: [3, 4], fill: `${colours.ok}14` });
     }
-    if (this.estimate !== undefined) this.band(c, x, y, first, last, colours.estimate);
-    this.trace(c, x, y, first, last, colours.trace, ratio);
-    if (this.estimate !== undefined) this.curve(c, x, y, first, last, this.estimate, 1, colours.estimate);
-    if (this.limit !== undefined) for (const side of [1, -1]) this.curve(c, x, y, first, last, this.limit, side, colours.limit);
-    c.font = `${10 * ratio}px system-ui, sans-serif`;
-    for (const [value, at] of [[hi, 11 * ratio], [lo, height - 4 * ratio]]) {
-      c.fillStyle = colours.wash;
-      c.globalAlpha = 0.75;
-      c.fillRect(2 * ratio, at - 9 * ratio, 7 * short(value).length * ratio, 11 * ratio);
-      c.globalAlpha = 1;
-      c.fillStyle = colours.soft;
-      c.fillText(short(value), 4 * ratio, at);
-    }
-    this.tell(last);
+    const axis = { stroke: colours.soft, font: "10px system-ui, sans-serif", grid: { stroke: colours.line, width: 1 }, ticks: { show: false } };
+    this.u = new uPlot({
+      width, height: 104, legend: { show: false }, tzDate: utc, series, bands,
+      scales: { x: { time: true, auto: false }, y: { range: (_, lo, hi) => room(lo, hi) } },
+      axes: [{ ...axis, size: 20, space: 90, values: [[1, "{HH}:{mm}:{ss}", null, null, null, null, null, null, 1]] }, { ...axis, size: 44, space: 30, values: (_, vs) => vs.map(short) }],
+      cursor: { y: false, points: { show: false }, sync: { key: "flea" }, drag: { setScale: false, x: true } },
+      hooks: { setSelect: [(u) => this.zoom(u)], setCursor: [() => this.tell()], draw: [(u) => this.across(u, colours)] },
+    }, [[], ...series.slice(1).map(() => [])], this.place);
+    this.u.over.addEventListener("dblclick", () => hold(null));
   }
-  trace(c, x, y, first, last, colour, ratio) {
-    c.strokeStyle = colour; c.lineWidth = 1.3 * ratio; c.lineJoin = "bevel"; c.beginPath();
-    let drawn = false;
-    for (let k = first; k <= last; k++) {
-      const a = this.ring.at(k, this.low), b = this.ring.at(k, this.high);
-      if (a !== a) { drawn = false; continue; }
-      const px = x(k), py = y(a);
-      if (drawn) c.lineTo(px, py); else c.moveTo(px, py);
-      if (b !== a) c.lineTo(px, y(b));
-      drawn = true;
-    }
-    c.stroke(); c.lineWidth = ratio;
+  zoom(u) {
+    if (u.select.width < 4) return;
+    hold([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]);
+    u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
   }
-  // A line that mostly stays where it is (a limit) has few corners, and few are drawn.
-  curve(c, x, y, first, last, column, side, colour) {
-    c.strokeStyle = colour; c.beginPath();
-    let held = NaN;
-    for (let k = first; k <= last; k++) {
-      const v = this.ring.at(k, column);
-      if (v === held && k < last) continue;
-      if (held === held) c.lineTo(x(k - 1), y(side * held));
-      if (v === v) { if (held === held) c.lineTo(x(k), y(side * v)); else c.moveTo(x(k), y(side * v)); }
-      held = v;
+  // Detections and marks, told apart by line, symbol and colour.
+  across(u, colours) {
+    const { ctx, bbox } = u, ratio = devicePixelRatio || 1;
+    for (const mark of this.block.marks) {
+      const x = u.valToPos(mark.at, "x", true);
+      if (x < bbox.left || x > bbox.left + bbox.width) continue;
+      const detected = mark.kind === "detected";
+      ctx.save();
+      ctx.strokeStyle = ctx.fillStyle = detected ? colours.ink : colours.mark;
+      ctx.lineWidth = (detected ? 2 : 1) * ratio;
+      ctx.setLineDash(detected ? [] : [2 * ratio, 3 * ratio]);
+      ctx.beginPath(); ctx.moveTo(x, bbox.top); ctx.lineTo(x, bbox.top + bbox.height); ctx.stroke();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textAlign = "center";
+      ctx.fillText(detected ? "▼" : "◆", x, bbox.top + 9 * ratio);
+      ctx.restore();
     }
-    c.stroke();
   }
-  // Two standard deviations to either side of the estimate.
-  band(c, x, y, first, last, colour) {
-    const above = [], below = [];
-    for (let k = first; k <= last; k++) {
-      const e = this.ring.at(k, this.estimate), s = 2 * this.ring.at(k, this.sigma);
-      if (s === s && e === e) { above.push([x(k), y(e + s)]); below.push([x(k), y(e - s)]); }
-    }
-    if (above.length < 2) return;
-    c.globalAlpha = 0.3; c.fillStyle = colour; c.beginPath();
-    for (const [px, py] of above) c.lineTo(px, py);
-    for (const [px, py] of below.reverse()) c.lineTo(px, py);
-    c.fill(); c.globalAlpha = 1;
+  draw(view, colours, width) {
+    if (!this.u || this.colours !== colours) { this.u?.destroy(); this.colours = colours; this.plot(colours, width); }
+    if (this.u.width !== width) this.u.setSize({ width, height: 104 });
+    this.u.setData(this.data(view[0]), false);
+    this.u.setScale("x", { min: view[0], max: view[1] });
+    this.tell();
   }
-  tell(last) {
-    const now = this.ring.at(last, this.high), limit = this.limit === undefined ? NaN : this.ring.at(last, this.limit);
-    const value = Math.abs(this.ring.at(last, this.low)) > Math.abs(now) ? this.ring.at(last, this.low) : now;
-    const over = limit === limit && Math.abs(value) > limit;
-    const words = (value === value ? `${over ? "▲ " : ""}${this.unit === "σ" ? Number(value.toFixed(2)) + 0 : short(value)} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
+  // The values under the cursor, which is that of all charts; the latest ones without it.
+  tell() {
+    const { fine } = this.store, { data, cursor } = this.u ?? { data: [[]], cursor: {} };
+    const under = cursor.idx ?? null, x = under === null ? fine.x : data[0], k = under ?? fine.x.length - 1;
+    const of = (place, n) => (under === null ? fine.c[place] : data[n])?.[k] ?? NaN;
+    const low = of(this.low, 1), high = of(this.high, 2), limit = this.limit === undefined ? NaN : of(this.limit, 3);
+    const value = Math.abs(low) > Math.abs(high) ? low : high, over = Math.abs(value) > limit;
+    const shown = this.unit === "σ" ? Number(value.toFixed(2)) + 0 : short(value);
+    const when = under === null || x[k] === undefined ? "" : `${new Date(x[k] * 1000).toISOString().slice(11, 21)} `;
+    const words = when + (value === value ? `${over ? "▲ " : ""}${shown} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
     if (this.output.textContent !== words) { this.output.textContent = words; this.root.classList.toggle("over", over); }
   }
   // A chart that has lately passed its limit comes first, also one that was not in view.
   note(now) {
     if (this.limit === undefined) return;
-    const { ring } = this, at = ring.at(ring.last, this.limit);
-    if (Math.max(ring.at(ring.last, this.high), -ring.at(ring.last, this.low)) > at) this.passed = now;
-    this.root.classList.toggle("noted", now - this.passed < KEPT_S * 1000);
+    const { fine } = this.store, k = fine.x.length - 1;
+    if (Math.max(fine.c[this.high][k], -fine.c[this.low][k]) > fine.c[this.limit][k]) this.passed = now;
+    this.root.classList.toggle("noted", now - this.passed < LATELY_MS);
   }
 }
 
-// One minute of rows; a row that was never delivered reads as NaN.
-class Ring {
-  constructor(columns, stretch) {
-    this.columns = columns; this.stretch = stretch; this.first = 0; this.last = -1;
-    this.kept = Math.round(KEPT_S / stretch);
-    this.data = new Float64Array(columns * this.kept).fill(NaN);
-  }
-  put(stretch, row) {
-    const from = this.last < 0 ? stretch : Math.max(this.last + 1, stretch - this.kept + 1);
-    for (let k = from; k < stretch; k++) this.data.fill(NaN, this.place(k), this.place(k) + this.columns);
-    for (let j = 0; j < this.columns; j++) this.data[this.place(stretch) + j] = row[j] ?? NaN;
-    if (this.last < 0) this.first = stretch;
-    this.last = stretch; this.first = Math.max(this.first, stretch - this.kept + 1);
-  }
-  place(stretch) { return (stretch % this.kept) * this.columns; }
-  at(stretch, column) { return this.data[this.place(stretch) + column]; }
+function room(lo, hi) {
+  if (lo === null || !(lo <= hi)) return [-1, 1];
+  const by = 0.08 * (hi - lo) || Math.abs(hi) * 0.05 || 1;
+  return [lo - by, hi + by];
 }
-
 function short(v) {
   const size = Math.abs(v);
   return size === 0 ? "0" : size >= 1e4 || size < 1e-3 ? v.toExponential(1) : String(Number(v.toPrecision(3)));
 }
+function hold(view) {
+  flea.held = view;
+  document.querySelectorAll("[data-strip=pause]").forEach((b) => b.setAttribute("aria-pressed", String(!!view)));
+  flea.blocks.forEach((block) => block.paint(true));
+}
+function save(name, blob) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = `${name}_${new Date().toISOString().slice(0, 19).replace(/[-:]/g, "")}Z`;
+  link.download += blob.type === "image/png" ? ".png" : ".csv";
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
 
+// What the buttons above the charts do; each block exports its own charts.
+const ACTIONS = {
+  pause: (block) => hold(flea.held ? null : block.now()),
+  onset: (block) => {
+    const at = block.marks.filter((m) => m.kind === "detected").map((m) => m.at).sort((a, b) => a - b).pop();
+    if (at !== undefined) hold([at - 0.4 * flea.seconds, at + 0.6 * flea.seconds]);
+  },
+  all: (block, button) => button.setAttribute("aria-pressed", String(block.$el.classList.toggle("all"))),
+  png: (block) => block.picture().toBlob((blob) => save("strips", blob)),
+  csv: (block) => save("strips", new Blob([block.values()], { type: "text/csv" })),
+};
 document.addEventListener("click", (event) => {
-  const all = event.target.closest("[data-all]");
-  if (all) {
-    const on = all.closest("section").querySelector(".strips").classList.toggle("all");
-    all.setAttribute("aria-pressed", String(on));
-  }
-  const button = event.target.closest("[data-span]");
-  if (!button) return;
+  const button = event.target.closest("[data-strip], [data-span]");
+  const element = button?.closest("section")?.querySelector(".strips"), block = [...flea.blocks].find((b) => b.$el === element);
+  if (!block) return;
+  if (button.dataset.strip) { ACTIONS[button.dataset.strip](block, button); return; }
   flea.seconds = Number(button.dataset.span);
-  for (const other of button.parentElement.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", String(other === button));
+  for (const other of document.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", String(other === button));
+  hold(null);
 });
 
 export default {
   template: "<div class='strips'></div>",
   mounted() {
-    this.charts = []; this.ring = null; this.marks = []; this.offset = null; this.drawn = 0; this.themed = -Infinity;
-    this.watch = new IntersectionObserver((entries) => entries.forEach((e) => { this.charts.find((c) => c.root === e.target).seen = e.isIntersecting; }));
-    const loop = (now) => { this.frame = requestAnimationFrame(loop); if (now - this.drawn >= FRAME_MS - 4) { this.drawn = now; this.paint(now); } };
-    this.frame = requestAnimationFrame(loop);
+    Object.assign(this, { charts: [], store: null, marks: [], offset: null, theme: "", turn: 0 });
+    flea.blocks.add(this);
+    this.watch = new IntersectionObserver((entries) => entries.forEach((e) => { const c = this.charts.find((one) => one.root === e.target); if (c) c.seen = e.isIntersecting; }), { rootMargin: "80px" });
+    this.timer = setInterval(() => this.paint(), DRAW_MS);
   },
-  unmounted() { cancelAnimationFrame(this.frame); this.watch.disconnect(); },
+  unmounted() { clearInterval(this.timer); this.watch.disconnect(); flea.blocks.delete(this); this.charts.forEach((c) => c.u?.destroy()); },
   methods: {
-    // Charts of these columns; what was drawn before is another run's.
-    describe(charts, columns, stretch) {
+    // Charts of these columns with what was before; what was drawn until now is another run's.
+    describe(charts, columns, stretch, past) {
       this.watch.disconnect();
+      this.charts.forEach((chart) => chart.u?.destroy());
       this.$el.replaceChildren();
-      this.ring = new Ring(columns, stretch); this.offset = null;
-      this.charts = charts.map((about) => new Chart(about, this.ring, this.$el));
+      const kinds = Array(columns).fill("last");
+      charts.forEach((chart) => { kinds[chart.low] = "low"; kinds[chart.high] = "high"; });
+      this.store = new Store(columns, stretch, kinds);
+      this.store.before(past);
+      this.offset = null;
+      this.charts = charts.map((about) => new Chart(about, this.store, this.$el, this));
       this.charts.forEach((chart) => this.watch.observe(chart.root));
     },
-    // Rows are [stretch, values]; marks are moments, counted in stretches, too.
+    // Rows are [stretch, values]; marks are moments in seconds.
     push(rows, marks) {
-      for (const [stretch, row] of rows) this.ring.put(stretch, row);
       if (marks) this.marks = marks;
-      if (!rows.length) return;
+      if (!rows.length || !this.store) return;
+      this.store.put(rows);
       this.charts.forEach((chart) => chart.note(performance.now()));
-      const offset = this.ring.last - performance.now() / 1000 / this.ring.stretch;
-      this.offset = this.offset === null || Math.abs(offset - this.offset) * this.ring.stretch > 1 ? offset : this.offset + 0.05 * (offset - this.offset);
+      const offset = this.store.last * this.store.stretch - performance.now() / 1000;
+      this.offset = this.offset === null || Math.abs(offset - this.offset) > 1 ? offset : this.offset + 0.05 * (offset - this.offset);
     },
-    paint(now) {
-      if (!this.ring || this.ring.last < 0) return;
-      if (now - this.themed > 500) { this.colours = themed(); this.themed = now; }
-      const head = Math.min(this.offset + (now / 1000 - BEHIND_S) / this.ring.stretch, this.ring.last);
-      const seen = this.charts.filter((chart) => chart.seen);
-      for (const chart of seen) chart.draw(head, this.colours, this.marks);
+    now() {
+      const head = Math.min(this.offset + performance.now() / 1000 - BEHIND_S, this.store.last * this.store.stretch);
+      return [head - flea.seconds, head];
+    },
+    paint(anyhow) {
+      if (!this.store?.fine.x.length || document.hidden || (flea.held && !anyhow && this.theme === themed())) return;
+      if (this.theme !== themed()) { this.theme = themed(); this.colours = colours(); }
+      const view = flea.held ?? this.now(), seen = this.charts.filter((chart) => chart.seen);
+      // Many at a time are drawn less often: together they stay below a seventh of a core.
+      if (!anyhow && seen.length > MANY && ++this.turn % 2) return;
+      // One width for all: asking each between two drawings would lay out the page for each.
+      const width = seen.length ? seen[0].place.clientWidth : 0;
+      if (width) for (const chart of seen) chart.draw(view, this.colours, width);
       if (seen.length) this.$el.frames = (this.$el.frames || 0) + 1;  // for those who measure
+    },
+    shown() { return this.charts.filter((chart) => chart.root.offsetParent); },
+    // The charts in view, one below the other, with their names.
+    picture() {
+      const drawn = this.shown().filter((chart) => chart.u), canvas = document.createElement("canvas"), step = 20;
+      const sizes = drawn.map((chart) => chart.u.ctx.canvas);
+      canvas.width = Math.max(300, ...sizes.map((c) => c.width));
+      canvas.height = sizes.reduce((sum, c) => sum + c.height + step, step);
+      const c = canvas.getContext("2d"), colour = this.colours;
+      c.fillStyle = colour.panel; c.fillRect(0, 0, canvas.width, canvas.height);
+      c.fillStyle = colour.ink; c.font = "13px system-ui, sans-serif";
+      let y = step;
+      drawn.forEach((chart, k) => { c.fillText(`${chart.name}  ${chart.output.textContent}`, 6, y - 4); c.drawImage(sizes[k], 0, y); y += sizes[k].height + step; });
+      return canvas;
+    },
+    // Times in UTC, and the range of each chart in view.
+    values() {
+      const charts = this.shown(), view = flea.held ?? this.now();
+      const [x, ...columns] = this.store.view(view[0], charts.flatMap((chart) => [chart.low, chart.high]));
+      const head = charts.flatMap((chart) => [`${chart.name} low (${chart.unit})`, `${chart.name} high (${chart.unit})`]);
+      const rows = x.map((t, k) => [new Date(t * 1000).toISOString(), ...columns.map((column) => column[k] ?? "")]);
+      const inside = rows.filter((_, k) => x[k] >= view[0] && x[k] <= view[1]);
+      return [["time (UTC)", ...head], ...inside].map((row) => row.join(",")).join("\n") + "\n";
     },
   },
 };
 
-function themed() {
+const themed = () => String(document.body.classList.contains("body--dark"));
+function colours() {
   const style = getComputedStyle(document.body);
-  const names = ["trace", "estimate", "limit", "line", "soft", "mark", "wash"];
+  const names = ["trace", "estimate", "limit", "line", "soft", "mark", "wash", "ink", "panel", "ok"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
