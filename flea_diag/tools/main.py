@@ -44,6 +44,9 @@ MODULES = {
 }
 """Modules of the subcommands, in the order of ``flea --help``."""
 
+EXIT_STATUS = """\
+exit status: 0 done, 1 done in part or a limit not met, 2 refused, 130 interrupted
+"""
 DESCRIPTION = "Fault diagnosis of electro-mechanical actuators: model, calibrate, replay, inspect."
 EXAMPLES = """\
 examples:
@@ -123,11 +126,26 @@ def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
             name,
             help=module.SUMMARY,
             description=module.SUMMARY,
-            epilog=getattr(module, "EXAMPLES", None),
+            epilog=_ended(getattr(module, "EXAMPLES", "")),
             formatter_class=raw,
         )
         module.add_arguments(part)
+        for action in _actions(part):
+            action.epilog, action.formatter_class = action.epilog or part.epilog, raw
     return parser
+
+
+def _ended(examples: str) -> str:
+    """Examples of a command, and how it ends where they do not say it."""
+    if "exit status: 0" in examples.lower():
+        return examples
+    return f"{examples.rstrip()}\n\n{EXIT_STATUS}".lstrip()
+
+
+def _actions(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
+    """Parsers of the actions of a command, such as ``flea stand new``."""
+    parts = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    return list(parts[0].choices.values()) if parts else []
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -16,7 +16,7 @@ from support.decisions import BAGS
 
 from flea_diag import __version__, tools
 from flea_diag.errors import CalibrationError
-from flea_diag.tools.main import MODULES, commands, main
+from flea_diag.tools.main import MODULES, commands, main, parser_of
 from flea_diag.tools.recordings import importer
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import Scan
@@ -211,3 +211,15 @@ def test_json_is_one_switch(capsys: pytest.CaptureFixture[str], tmp_path: Path) 
     printed = json.loads(capsys.readouterr().out)
     assert main(["replay", str(BAGS / "nominal"), "--json", str(tmp_path / "x.json")]) == 0
     assert json.loads((tmp_path / "x.json").read_text(encoding="utf-8")) == printed
+
+
+def test_every_help_has_examples_and_says_how_the_command_ends() -> None:
+    parser = parser_of(commands())
+    (parts,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    for name, command in parts.choices.items():
+        actions = [a for a in command._actions if isinstance(a, argparse._SubParsersAction)]
+        inner = list(actions[0].choices.values()) if actions else []
+        for each in (command, *inner):
+            said = each.format_help()
+            assert f"  flea {name}" in said, each.prog
+            assert "exit status: 0 " in said.lower(), each.prog
