@@ -10,6 +10,7 @@ and then knows of no data files.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -24,6 +25,14 @@ SHARE = f"share/{PACKAGE}"
 # ROS 2 comes as wheels, for Linux on x86-64 only; elsewhere, and in a ROS installation that
 # provides rclpy itself, `pip install --no-deps` leaves them out. Both are pinned together:
 # loose, pip mixes in packages of the next distribution.
+ROS = {
+    "jazzy": ("ros-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"),
+    "kilted": ("ros-rclpy[fastrtps]==9.1.2", "ros-kilted-common-interfaces==5.5.1"),
+}
+DISTRIBUTION = os.environ.get("FLEA_DIAG_ROS", "jazzy")
+"""Whose wheels are installed: `FLEA_DIAG_ROS=kilted pip install .` takes the next distribution."""
+if DISTRIBUTION not in ROS:
+    raise SystemExit(f"FLEA_DIAG_ROS={DISTRIBUTION} is unknown, choose one of {', '.join(ROS)}")
 WHEELS = 'sys_platform == "linux" and platform_machine == "x86_64"'
 REQUIRES = [
     "numpy>=1.26",
@@ -33,8 +42,7 @@ REQUIRES = [
     "mcap>=1.2",
     "rosbags>=0.10.4",
     "threadpoolctl>=3.1",
-    f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
-    f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
+    *(f"{wheel}; {WHEELS}" for wheel in ROS[DISTRIBUTION]),
 ]
 DOCS = [
     "mkdocs>=1.6,<2",

@@ -7,7 +7,7 @@ unset PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEEL
 unset PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PYTHONUNBUFFERED=1
 
-venv=$root/.venv
+venv=${venv:-$root/.venv}
 python=$venv/bin/python3
 
 say() { printf '%s\n' "$*" >&2; }
@@ -38,7 +38,7 @@ sum_of() { find "$@" -type f ! -path '*/__pycache__/*' -print0 | sort -z | xargs
 
 pip_install() {
     "$python" -m pip install --progress-bar off --no-build-isolation \
-        --constraint "$root/constraints.txt" "$@" >"$venv/pip.log" 2>&1 &
+        --constraint "${constraints:-$root/constraints.txt}" "$@" >"$venv/pip.log" 2>&1 &
     installer=$!
     # Which package pip is at, so that a slow line does not look like a hang.
     while kill -0 $installer 2>/dev/null; do
@@ -69,7 +69,7 @@ install() {
     stamp=$venv/.dependencies-$1
     wanted=$(cd "$root" && sum_of constraints.txt setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
-        say "installing ROS 2 Jazzy, flea_diag and the other dependencies [$1] into .venv (a few minutes)"
+        say "installing ROS 2, flea_diag and the other dependencies [$1] into .venv (a few minutes)"
         pip_install setuptools
         forget_build
         installed=$(sources_sum)

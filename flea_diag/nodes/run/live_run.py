@@ -28,6 +28,7 @@ from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.run_summary import NOMINAL_FAULT, as_text, summarise
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.bus import Bus, Consumers, guest
+from flea_diag.wire.bus.distribution import profiles_variable
 from flea_diag.wire.records import (
     AmbiguityGroup,
     Detection,
@@ -310,7 +311,7 @@ def discovery() -> dict[str, str]:
     """
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_path("security/loopback.xml")),
+        profiles_variable(): str(config_path("security/loopback.xml")),
     }
 
 

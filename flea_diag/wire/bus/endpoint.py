@@ -284,7 +284,12 @@ class Bus(NodeLog, Generic[P]):
         from rclpy.clock import Clock, ClockType
 
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        return self._node.create_timer(seconds, self.guarded(call), clock=clock)
+        guarded = self.guarded(call)
+
+        def due() -> None:  # from Kilted on rclpy gives more to a callback that takes anything
+            guarded()
+
+        return self._node.create_timer(seconds, due, clock=clock)
 
     def serve_trigger(self, name: str, answer: Callable[[], str]) -> None:
         """Offer a std_srvs/Trigger service; ``answer`` executes it and returns its message."""
