@@ -28,6 +28,7 @@ from flea_diag.wire.sources.mapping import (
     SourceTerm,
     TableTime,
 )
+from flea_diag.wire.topics import POINT_CLOUD
 
 SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
 """Rates that scans may have."""
@@ -73,9 +74,11 @@ class _ChannelRow(_PlaceTerm):
 
 @dataclass(frozen=True, kw_only=True)
 class _AccelerometerRow:
-    """One accelerometer: the column of each axis; limits in m/s^2."""
+    """One accelerometer: the column or field of each axis; limits in m/s^2."""
 
     axes: Mapping[str, str]
+    topic: str = ""
+    type: str = ""
     unit: str
     range: tuple[float, float]
     rate_hz: Annotated[float, within(1.0, 1e6)]
@@ -123,7 +126,7 @@ def channel_sources(stand: Stand) -> SourceMapping:
     rate_hz = _rate(known.rate_hz, f"{where}: rate_hz")
     units, axes = _units(stand), tuple(_axes(known.accelerometers, where))
     # The rows of one table are as many for all its columns.
-    row_hz = axes[0].rate_hz if axes else rate_hz
+    row_hz = axes[0].rate_hz if axes and not axes[0].topic else rate_hz
     found = tuple(
         _channel(name, row, units, row_hz, f"{where}: channels: {name}")
         for name, row in known.channels.items()
@@ -209,11 +212,14 @@ def _axes(rows: Mapping[str, _AccelerometerRow], where: str) -> Iterator[AxisMap
                 f"{here}: axes = {shown(dict(row.axes))} and range = {shown(row.range)}: give a "
                 "column for each axis, and the lowest reading before the highest"
             )
-        for axis, column in row.axes.items():
-            channel, factor = f"{name}_{axis}", to_si.factor
+        message = _message(row.type, here) if row.topic else ""
+        points = message == POINT_CLOUD
+        for axis, place in row.axes.items():
+            path = FieldPath.parsed(place, here) if row.topic and not points else None
             yield AxisMapping(
-                channel, column, factor, low, high, row.rate_hz, row.serial, row.mount
-            )
+                f"{name}_{axis}", place, to_si.factor, low, high, row.rate_hz, row.serial,
+                row.mount, row.topic, message, path,
+            )  # fmt: skip
 
 
 def _terms(row: _ChannelRow, where: str) -> tuple[SourceTerm, ...]:
@@ -242,14 +248,19 @@ def _term(row: _PlaceTerm, weight: float, where: str) -> SourceTerm:
         if not getattr(row, key):
             example = "sensor_msgs/msg/JointState" if key == "type" else "effort[elbow]"
             raise ConfigurationError(f"{where}: topic {topic} has no {key}; give one, as {example}")
-    package, *kind, name = row.type.split("/")
+    message, path = _message(row.type, where), FieldPath.parsed(row.field, where)
+    return SourceTerm(weight, topic, message, path)
+
+
+def _message(text: str, where: str) -> str:
+    """Full name of a message type."""
+    package, *kind, name = text.split("/")
     if not package.isidentifier() or kind not in ([], ["msg"]) or not name.isidentifier():
         raise ConfigurationError(
-            f"{where}: type = {shown(row.type)} is no message type; write it like "
+            f"{where}: type = {shown(text)} is no message type; write it like "
             "sensor_msgs/msg/JointState"
         )
-    path = FieldPath.parsed(row.field, where)
-    return SourceTerm(weight, topic, f"{package}/msg/{name}", path)
+    return f"{package}/msg/{name}"
 
 
 def _sign(value: int, where: str) -> float:
@@ -309,10 +320,14 @@ def _check(made: SourceMapping) -> None:
                 f"{made.where}: topic {term.topic} is of type {known} in one place and of "
                 f"{term.message} in another; it has one type"
             )
-    if made.axes and any(term.topic for term in terms):
+    if made.axes and {bool(axis.topic) for axis in made.axes} != {bool(terms[0].topic)}:
         raise ConfigurationError(
-            f"{made.where}: accelerometers name columns and channels name topics; a stand with "
-            "topics sends or records its vibration as sensors/vibration"
+            f"{made.where}: accelerometers and channels must both name topics, or both columns"
+        )
+    if len({axis.topic for axis in made.axes}) > 1:
+        raise ConfigurationError(
+            f"{made.where}: accelerometers name several topics; samples of one block are of one "
+            "message, so give the topic of one, or publish sensors/vibration"
         )
     if len({bool(term.topic) for term in terms}) > 1:
         raise ConfigurationError(

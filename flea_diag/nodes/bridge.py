@@ -16,10 +16,11 @@ from flea_diag.errors import ConfigurationError, WireError
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.bus.foreign_topic import check_interface
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import ChannelTable, Health, Level, Scan
+from flea_diag.wire.records import ChannelTable, Health, Level, Scan, VibrationBlock
 from flea_diag.wire.sources.mapping import SourceMapping
 from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
 from flea_diag.wire.sources.scan_grid import ScanGrid
+from flea_diag.wire.sources.vibration_stream import VibrationStream
 
 HEALTH_S = 1.0
 
@@ -54,9 +55,15 @@ class Bridge:
         self._before: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
         self._scans = 0
-        bus.advertise(ChannelTable, Scan, Health)
+        self._vibration = VibrationStream(mapping.axes) if mapping.vibration_topic else None
+        self._blocks = 0
+        bus.advertise(ChannelTable, Scan, VibrationBlock, Health)
         for topic, message in mapping.topics.items():
             bus.subscribe_foreign(topic, message, partial(self._take, topic))
+        if mapping.vibration_topic:
+            bus.subscribe_foreign(
+                mapping.vibration_topic, mapping.axes[0].message, self._take_vibration
+            )
         bus.every(HEALTH_S, self._report)
 
     def _take(self, topic: str, message: Any) -> None:
@@ -78,9 +85,25 @@ class Bridge:
             # Before its scans, which are yet to come: that of the stream before may be newer.
             self._bus.publish(self._mapping.channel_table(stamp_ns))
 
+    def _take_vibration(self, message: Any) -> None:
+        """Samples of accelerometers; of one topic that has channels as well, each is told once."""
+        topic = self._mapping.vibration_topic
+        assert self._vibration is not None
+        try:
+            for block in self._vibration.push(stamp_of(message, self._bus.now_ns()), message):
+                self._bus.publish(block)
+                self._blocks += 1
+        except WireError as error:
+            self._unreadable[topic] += 1
+            self._bus.warn(f"{topic}: message skipped: {error}")
+            return
+        if topic not in self._mapping.topics:
+            self._received[topic] += 1
+
     def _report(self) -> None:
         """Publish the health: which topics are silent, and what was left out."""
-        silent = [t for t in self._mapping.topics if self._received[t] == self._before[t]]
+        topics = dict.fromkeys((*self._mapping.topics, self._mapping.vibration_topic))
+        silent = [t for t in topics if t and self._received[t] == self._before[t]]
         self._before = self._received.copy()
         level, words = Level.OK, "bridging"
         if silent:
@@ -89,7 +112,8 @@ class Bridge:
         counts = {f"{topic}/received": n for topic, n in sorted(self._received.items())}
         counts |= {f"{topic}/unreadable": n for topic, n in sorted(self._unreadable.items())}
         counts |= {name: n for name, n in self._grid.counts.items() if n}
-        values = tuple((name, str(n)) for name, n in {"scans": self._scans, **counts}.items())
+        told = {"scans": self._scans, "vibration_blocks": self._blocks, **counts}
+        values = tuple((name, str(n)) for name, n in told.items())
         report = Health(
             self._bus.now_ns(), self._bus.name, level, words, (("state", self._bus.state), *values)
         )
@@ -123,7 +147,8 @@ def start(bus: Bus[Any], parameters: BridgeParameters) -> None:
 
 def check(parameters: BridgeParameters) -> None:
     """Refuse a mapping that cannot be bridged, and types that are not installed."""
-    for message in live_sources(parameters).topics.values():
+    mapping = live_sources(parameters)
+    for message in (*mapping.topics.values(), *(axis.message for axis in mapping.axes)):
         check_interface(message)
 
 
@@ -135,7 +160,7 @@ def program() -> Program:
         "folder: any installed message type, on one grid of scans.",
         BridgeParameters,
         start,
-        publishes=(ChannelTable, Scan, Health),
+        publishes=(ChannelTable, Scan, VibrationBlock, Health),
         examples=("ros2 run flea_diag bridge --ros-args -p stand:=./mine",),
         check=check,
     )

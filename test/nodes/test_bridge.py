@@ -6,6 +6,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.foreign import arm
 from support.live import Process, node
@@ -13,7 +14,7 @@ from support.neighbours.bridged import bridged
 
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import Scan
+from flea_diag.wire.records import Scan, VibrationBlock
 from flea_diag.wire.sources.field_path import FieldPath
 
 pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
@@ -28,7 +29,16 @@ CHANNELS = {
         "unit": "degF", "range": [-40.0, 200.0], "rate_hz": 3.0, "resample": "hold",
     },
 }  # fmt: skip
-MAPPING = {"schema_version": 1, "rate_hz": 100.0, "channels": CHANNELS}
+IMU = "/motor/imu"
+ACCELEROMETERS = {
+    "accelerometer_1": {
+        "topic": IMU, "type": "sensor_msgs/msg/Imu", "unit": "g", "range": [-500.0, 500.0],
+        "rate_hz": 100.0, "axes": {"x": "linear_acceleration.x", "z": "linear_acceleration.z"},
+    },
+}  # fmt: skip
+MAPPING = {
+    "schema_version": 1, "rate_hz": 100.0, "channels": CHANNELS, "accelerometers": ACCELEROMETERS,
+}  # fmt: skip
 
 
 def sent() -> list[tuple[str, int, Any]]:
@@ -38,6 +48,7 @@ def sent() -> list[tuple[str, int, Any]]:
         stamp_ns = START_NS + k * 10_000_000
         row = ["shoulder", "elbow"], [0.0, 40.0 + 0.1 * k], [0.0, 3.0 * k], [0.0, -7.0 * k]
         found.append((arm.STATES, stamp_ns, arm.joint_state(arm.header_at(stamp_ns), *row)))
+        found.append((IMU, stamp_ns, imu(stamp_ns, 0.25 * k)))
         if k % 30 == 0:
             later_ns = stamp_ns + 3_000_000
             warm = arm.T[arm.TEMPERATURE](arm.header_at(later_ns), 70.0 + 0.01 * k, 0.0)
@@ -45,20 +56,33 @@ def sent() -> list[tuple[str, int, Any]]:
     return found
 
 
-def imported(tmp_path: Path, stand: Path) -> list[Scan]:
+def imu(stamp_ns: int, x: float) -> Any:
+    turn, none = arm.T["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0), np.zeros(9)
+    still, moved = (arm.T["geometry_msgs/msg/Vector3"](a, 0.0, -a) for a in (0.0, x))
+    header = arm.header_at(stamp_ns)
+    return arm.T["sensor_msgs/msg/Imu"](header, turn, none, still, none, moved, none)
+
+
+def imported(tmp_path: Path, stand: Path) -> tuple[list[Scan], list[VibrationBlock]]:
     bag = arm.write_ros2(tmp_path / "joint", iter(sent()))
     assert main(["import", "--stand", str(stand), str(bag), "-o", str(tmp_path / "bags")]) == 0
-    records = [r for _, r in read_bag(tmp_path / "bags" / "joint", (Scan,))]
-    return [record for record in records if isinstance(record, Scan)]
+    records = [r for _, r in read_bag(tmp_path / "bags" / "joint", (Scan, VibrationBlock))]
+    scans = [record for record in records if isinstance(record, Scan)]
+    return scans, [record for record in records if isinstance(record, VibrationBlock)]
 
 
 def test_live_scans_are_those_of_an_import(domain: int, tmp_path: Path) -> None:
     stand = arm.arm_stand(tmp_path / "joint_stand", MAPPING)
-    scans, tables = bridged(domain, str(stand), sent(), WARM, COUNT - 4)
-    expected = imported(tmp_path, stand)
+    scans, tables, shaken = bridged(domain, str(stand), sent(), WARM, COUNT - 4)
+    expected, blocks = imported(tmp_path, stand)
+    assert [repr(block) for block in shaken] == [repr(block) for block in blocks[: len(shaken)]]
+    samples = np.concatenate([block.points()[1] for block in blocks])
+    np.testing.assert_allclose(samples[:, 0], 9.80665 * 0.25 * np.arange(COUNT), rtol=1e-6)
+    assert len(shaken) >= len(blocks) - 1 > 5
     assert [repr(s) for s in scans] == [repr(s) for s in expected[: len(scans)]]
     assert len(expected) == COUNT
-    assert [row.name for row in tables[-1].channels] == list(CHANNELS)
+    axes = [f"accelerometer_1_{axis}" for axis in "xz"]
+    assert [row.name for row in tables[-1].channels] == [*CHANNELS, *axes]
     assert tables[-1].info("motor_temperature").unit == "degC"  # type: ignore[union-attr]
 
 

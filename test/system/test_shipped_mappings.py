@@ -87,7 +87,7 @@ def test_live_scans_are_those_of_the_simulation(stand: str, simulated: Path, dom
     expected = scans_of(simulated / stand / HEALTHY[stand][0])[:SENT]
     messages = list(robot().messages(expected))
     assert {topic for topic, *_ in messages} == set(channel_sources(load_stand(stand)).topics)
-    scans, _ = bridged(domain, stand, messages, WARM, SENT - 4)
+    scans, *_ = bridged(domain, stand, messages, WARM, SENT - 4)
     assert [scan.stamp_ns for scan in scans] == [s.stamp_ns for s in expected[: len(scans)]]
     for one, other in zip(scans, expected, strict=False):
         assert one.values == pytest.approx(other.values, rel=1e-12)

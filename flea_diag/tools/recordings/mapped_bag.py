@@ -15,10 +15,11 @@ from flea_diag.tools.recordings.mapped_recording import MappedRecording, checked
 from flea_diag.tools.recordings.senders import Senders, Signature
 from flea_diag.tools.recordings.source_checks import check_rate
 from flea_diag.wire.bags.foreign_bag import ForeignBag
-from flea_diag.wire.records import Scan
+from flea_diag.wire.records import Scan, VibrationBlock
 from flea_diag.wire.sources.mapping import SourceMapping
 from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
 from flea_diag.wire.sources.scan_grid import ScanGrid
+from flea_diag.wire.sources.vibration_stream import VibrationStream
 
 MOST_SCANS = 5_000_000
 FEWEST_SCANS = 10
@@ -47,9 +48,9 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
     if "" in wanted or not wanted:
         raise RecordingError(f"{path} is a bag, {mapping.where} names columns: name a table")
     bag = ForeignBag(path)
-    for topic, kind in wanted.items():
+    for topic, kind in (*wanted.items(), *_vibrating(mapping).items()):
         _check_topic(path, topic, kind, bag.topics, mapping)
-    read, senders = _read(path, bag, mapping)
+    read, senders, blocks = _read(path, bag, mapping)
     received, said = received_topics(
         {topic: [e.stamp_ns for e in read if e.topic == topic] for topic in wanted},
         {topic: [e.log_ns for e in read if e.topic == topic] for topic in wanted},
@@ -75,7 +76,16 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         topic = row.terms[0].topic
         words = check_rate(f"{path}: {topic}", mapping, [row], np.array(stamps[topic]))
         notes += [words] if words else []
-    yield from _cut(path, mapping, pieces, grid, (*bag.losses[:3], *notes))
+    for made in _cut(path, mapping, pieces, grid, (*bag.losses[:3], *notes)):
+        first_ns, last_ns = made.made[0].stamp_ns, made.made[-1].stamp_ns
+        own = (each for each in blocks if first_ns <= each.stamp_ns <= last_ns)
+        yield replace(made, vibration=tuple(own))
+
+
+def _vibrating(mapping: SourceMapping) -> dict[str, str]:
+    """Message type of the topic of the accelerometers, if they have one."""
+    topic = mapping.vibration_topic
+    return {topic: mapping.axes[0].message} if topic else {}
 
 
 def _cut(
@@ -95,15 +105,23 @@ def _cut(
         yield made if number == 1 else replace(made, warnings=())
 
 
-def _read(path: Path, bag: ForeignBag, mapping: SourceMapping) -> tuple[list[_Read], Senders]:
-    """Readings of all messages of the mapped topics, in order of receipt."""
+def _read(
+    path: Path, bag: ForeignBag, mapping: SourceMapping
+) -> tuple[list[_Read], Senders, list[VibrationBlock]]:
+    """Readings of all messages of the mapped topics, in order of receipt, and vibration."""
     terms, senders = MessageTerms(mapping), Senders()
+    vibrating, blocks = _vibrating(mapping), list[VibrationBlock]()
+    stream = VibrationStream(mapping.axes) if vibrating else None
     read: list[_Read] = []
     last: dict[str, object] = {}
-    written = {topic.lstrip("/"): topic for topic in mapping.topics}
+    written = {topic.lstrip("/"): topic for topic in (*mapping.topics, *vibrating)}
     for plain, log_ns, content in bag.messages(written):
         topic = written[plain]
         try:
+            if stream is not None and topic in vibrating:
+                blocks += stream.push(stamp_of(content, log_ns), content)
+            if topic not in mapping.topics:
+                continue
             values = terms.read(topic, content)
         except WireError as error:
             raise RecordingError(
@@ -116,13 +134,16 @@ def _read(path: Path, bag: ForeignBag, mapping: SourceMapping) -> tuple[list[_Re
         if len(read) > MOST_SCANS:
             raise RecordingError(f"{path}: more than {MOST_SCANS} messages; split the bag")
     _check_found(path, mapping, terms, last)
-    return read, senders
+    blocks += stream.finish() if stream is not None else ()
+    return read, senders, blocks
 
 
 def _check_topic(
     path: Path, topic: str, kind: str, known: dict[str, str], mapping: SourceMapping
 ) -> None:
-    channel = next(r.channel for r in mapping.channels for t in r.terms if t.topic == topic)
+    named = [(t.topic, r.channel) for r in mapping.channels for t in r.terms]
+    named += [(axis.topic, axis.channel) for axis in mapping.axes]
+    channel = next(channel for where, channel in named if where == topic)
     name = topic.lstrip("/")
     if name not in known:
         has = ", ".join(f"{has} ({known[has]})" for has in sorted(known)[:20])

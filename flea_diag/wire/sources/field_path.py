@@ -67,6 +67,17 @@ class FieldPath:
         WireError
             The message has no such field, or it is no number.
         """
+        value = self.value(message)
+        return None if value is None else self._number(value)
+
+    def value(self, message: Any) -> Any:
+        """What stands there, a number or an array; None where the message has no such element.
+
+        Raises
+        ------
+        WireError
+            The message has no such field.
+        """
         root = message
         for name, key in self.steps:
             value = getattr(message, name, None)
@@ -79,7 +90,7 @@ class FieldPath:
                     return None
                 value = value[at]
             message = value
-        return self._number(message)
+        return message
 
     def _number(self, value: Any) -> float:
         try:

@@ -80,7 +80,11 @@ class ChannelMapping:
 
 @dataclass(frozen=True, slots=True)
 class AxisMapping:
-    """One axis of an accelerometer, ``channel``: ``factor`` times a column, in m/s^2."""
+    """One axis of an accelerometer, ``channel``: ``factor`` times a reading, in m/s^2.
+
+    ``column`` is that of a table, or of the points of a PointCloud2 ``topic``; ``path`` a field of
+    another ``topic``, with one sample a message or an array of them.
+    """
 
     channel: str
     column: str
@@ -90,6 +94,9 @@ class AxisMapping:
     rate_hz: float
     serial: str = ""
     mount: str = ""
+    topic: str = ""
+    message: str = ""
+    path: FieldPath | None = None
 
     @property
     def info(self) -> ChannelInfo:
@@ -139,6 +146,11 @@ class SourceMapping:
     def row_period_ns(self) -> int:
         """Time between two rows of a table that has no times."""
         return round(1e9 / self.axes[0].rate_hz) if self.axes else self.period_ns
+
+    @property
+    def vibration_topic(self) -> str:
+        """Topic of the accelerometers; empty without, or where they are columns."""
+        return self.axes[0].topic if self.axes else ""
 
     @property
     def period_ns(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from flea_diag.wire.records import ChannelTable, Health, Scan
+from flea_diag.wire.records import ChannelTable, Health, Scan, VibrationBlock
 from support.live import Peer, Process, node
 
 LIMIT_S = 60.0
@@ -14,14 +14,14 @@ RELIABLE = "qos_overrides.{}.subscription.reliability:=reliable"
 
 def bridged(
     domain: int, stand: str, sent: Sequence[tuple[str, int, Any]], paced: str, least: int
-) -> tuple[list[Scan], list[ChannelTable]]:
-    """Scans, at least so many, and channel tables that the bridge makes of messages of rosbags.
+) -> tuple[list[Scan], list[ChannelTable], list[VibrationBlock]]:
+    """Scans, at least so many, channel tables and vibration that the bridge makes of messages.
 
     No message overtakes one of the topic ``paced``: the bridge has said first that it has all.
     """
-    from sensor_msgs.msg import JointState, Temperature
+    from sensor_msgs.msg import Imu, JointState, Temperature
 
-    kinds = {"JointState": JointState, "Temperature": Temperature}
+    kinds = {"JointState": JointState, "Temperature": Temperature, "Imu": Imu}
     of_topic = {topic: kinds[type(message).__name__.split("__")[-1]] for topic, _, message in sent}
     given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in of_topic)]
     command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
@@ -29,7 +29,7 @@ def bridged(
         writers = {
             topic: peer.node.create_publisher(kind, topic, 100) for topic, kind in of_topic.items()
         }
-        peer.listen(ChannelTable, Scan, Health)
+        peer.listen(ChannelTable, Scan, VibrationBlock, Health)
         peer.until(lambda: all(w.get_subscription_count() for w in writers.values()), LIMIT_S)
         count: dict[str, int] = {}
         for topic, _, message in sent:
@@ -43,7 +43,8 @@ def bridged(
         process.child.terminate()
         assert process.end() == 0, process.output
     scans = [record for record in peer.records if isinstance(record, Scan)]
-    return scans, [record for record in peer.records if isinstance(record, ChannelTable)]
+    tables = [record for record in peer.records if isinstance(record, ChannelTable)]
+    return scans, tables, [r for r in peer.records if isinstance(r, VibrationBlock)]
 
 
 def _live(kind: Any, message: Any) -> Any:
@@ -55,8 +56,12 @@ def _live(kind: Any, message: Any) -> Any:
         made.name = message.name
         for field in ("position", "velocity", "effort"):
             setattr(made, field, getattr(message, field).tolist())
-    else:
+    elif hasattr(message, "temperature"):
         made.temperature = float(message.temperature)
+    else:
+        for axis in "xyz":
+            value = getattr(message.linear_acceleration, axis)
+            setattr(made.linear_acceleration, axis, float(value))
     return made
 
 
