@@ -82,6 +82,7 @@ EXTRAS = {
         "Jinja2>=3.1",
         "matplotlib>=3.7",
         "selenium>=4.20",
+        "axe-core-python>=0.1",
         "scikit-learn>=1.3",
         # The structural oracle of the diagnosability tests; compiled, so where there is a wheel.
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",

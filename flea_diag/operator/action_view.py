@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from flea_diag.operator.advice_view import advice_text
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.state import OPEN, OperatorState
+from flea_diag.operator.verdict_view import said
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 
 STOP, GO_ON = "stop", "go on"
@@ -105,6 +106,15 @@ def parts(found: Action) -> tuple[tuple[str, str], ...]:
     """What is wrong and where, as far as it is stated."""
     pairs = (("what", found.name), ("where", found.part))
     return tuple(pair for pair in pairs if pair[1])
+
+
+def spoken(state: OperatorState, now_ns: int) -> str:
+    """Verdict, what to do, and alarms, for those who hear the page; nothing that ticks."""
+    if state.group is None:
+        return said(state, now_ns)
+    ringing = sum(alarm.rings for alarm in state.alarms)
+    alarms = f". {ringing} alarms not acknowledged" if ringing else ""
+    return f"{said(state, now_ns)}{in_a_line(state)}{alarms}"
 
 
 def in_a_line(state: OperatorState) -> str:

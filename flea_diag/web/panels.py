@@ -47,7 +47,7 @@ def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
     """A table; cells are markup or text."""
     return tag(
         "table",
-        tag("tr", *(tag("th", head, scope="col") for head in heads)),
+        tag("tr", *(tag("th", head, scope="col") if head else tag("td") for head in heads)),
         *(tag("tr", *(tag("td", cell) for cell in row)) for row in rows),
         class_="ledger",
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.resources import files
 
 import pytest
 from support import browser as browsers
@@ -11,6 +12,7 @@ from support.verdicts import FLAG, LAST, NOMINAL, START
 
 from flea_diag.wire.records import Health, Level
 
+pytest.importorskip("axe_core_python", reason="pip install axe-core-python")
 pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
 
 from support.screens.page_session import PageSession, page_session
@@ -136,6 +138,32 @@ def test_the_bar_stands_still_and_is_small_at_every_size(session: PageSession) -
         assert browser.run("document.documentElement.scrollWidth") <= width
         browser.press("a")
         browser.until("!document.body.classList.contains('ringing')")
+    browser.size(1440, 1000)
+
+
+def test_whoever_cannot_see_it_reads_it_all_the_same(session: PageSession) -> None:
+    """No finding of axe, in both themes, on a wide screen and on a phone, with an alarm."""
+    axe = files("axe_core_python") / "axe.min.js"
+    browser, found = session.browser, []
+    session.take(replace(LAST, detected_stamp_ns=START + 5))
+    browser.until_text("[role=status]", "ISOLATED (1 possible: jam): words")
+    for theme in ("light", "dark"):
+        browser.theme(theme)
+        for width, height in (SIZES[0], SIZES[-1]):
+            browser.size(width, height)
+            browser.open(session.url)
+            browser.until_text(".chips", "LIVE")
+            browser.driver.execute_script(axe.read_text("utf-8"))
+            browser.run("(axe.run().then((r) => { window.axed = r.violations; }), true)")
+            browser.until("!!window.axed")
+            found += [
+                (theme, width, broken["id"], broken["nodes"][0]["html"])
+                for broken in browser.run("window.axed")
+            ]
+    assert found == []
+    assert browser.run("document.documentElement.lang") == "en-US"
+    browser.press("a")
+    browser.until("!document.body.classList.contains('ringing')")
     browser.size(1440, 1000)
 
 

@@ -34,6 +34,8 @@ def section(name: str, css: str, key: str, title: str) -> ui.element:
     block = ui.element("section").classes(f"panel {css}")
     block.props(f'id=panel-{name} tabindex=-1 data-key="{key}"')
     if title:
+        block.props["aria-label"] = title
+    if title:
         with block:
             ui.html(title, sanitize=False, tag="h2")
     return block

@@ -64,9 +64,9 @@ class Frame:
     def panels(self) -> None:
         """Add the panels of this page."""
 
-    def beat(self, ringing: int) -> None:
-        """Tell the browser that the server lives, and how many alarms ring."""
-        self._watch.run_method("beat", ringing)
+    def beat(self, ringing: int, spoken: str) -> None:
+        """Tell the browser that the server lives, how many alarms ring, and what to read aloud."""
+        self._watch.run_method("beat", ringing, spoken)
 
     def tell(self, words: str) -> None:
         """Say what was done, or why it was not."""

@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 
 from nicegui import Client
 
+from flea_diag.operator.action_view import spoken
 from flea_diag.operator.hall_view import ringing
 from flea_diag.web.hall_panels import HallView, unacknowledged
 from flea_diag.web.markup import Markup, joined, tag
@@ -96,7 +97,7 @@ class StandRoom:
         )
         for page in _connected(self.pages):
             with page.client:
-                page.beat(ringing(state) + elsewhere)
+                page.beat(ringing(state) + elsewhere, spoken(state, self._desk.now_ns()))
                 page.show(self._view, self._strips, marks)
 
     def _draw(self) -> int:
@@ -192,7 +193,7 @@ class HallRoom:
         rings = self._ringing()
         for page in _connected(self._pages):
             with page.client:
-                page.beat(rings)
+                page.beat(rings, f"{rings} alarms not acknowledged" if rings else "")
                 page.fill(self._view)
 
     def _draw(self) -> None:

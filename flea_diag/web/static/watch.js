@@ -56,13 +56,13 @@ function hidden(element) {
 }
 
 export default {
-  template: "<div class='lost-banner' role='alert'></div>",
+  template: "<div><div class='lost-banner' role='alert'></div><div class='unseen' role='status' aria-live='polite'></div></div>",
   mounted() {
     this.title = document.title; this.ringing = 0; this.rang = 0;
     this.beat(0);
     this.timer = setInterval(() => {
       const lost = Date.now() - this.last > LOST_MS;
-      if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: the content below is outdated. Reconnecting …`;
+      if (lost) this.$el.firstChild.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: the content below is outdated. Reconnecting …`;
       document.body.classList.toggle("lost", lost);
       if (this.ringing && Date.now() - this.rang >= RING_MS) this.rang = bell.ring() ? Date.now() : 0;
       document.body.classList.toggle("muted", this.ringing > 0 && bell.context?.state !== "running");
@@ -107,9 +107,11 @@ export default {
       stands[at < 0 ? 0 : Math.min(Math.max(at + by, 0), stands.length - 1)].focus();
       return true;
     },
-    // The server lives, and so many alarms wait to be acknowledged.
-    beat(ringing) {
+    // The server lives, so many alarms wait to be acknowledged, and this is to be read aloud.
+    beat(ringing, said) {
       this.last = Date.now();
+      const spoken = this.$el.lastChild;
+      if (said !== undefined && spoken.textContent !== said) spoken.textContent = said;
       if (ringing === this.ringing) return;
       if (ringing > this.ringing) this.rang = 0;
       this.ringing = ringing;
