@@ -18,6 +18,7 @@ from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.files import given_file
 from flea_diag.configuration.stand import Stand
 from flea_diag.errors import RecordingError
+from flea_diag.tools.garbage import searching_less
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.replay.replay import diagnosed, sources
 from flea_diag.tools.replay.summary import BULK, summarise, without_values
@@ -76,11 +77,12 @@ def diagnose(
     CalibrationError
         The calibration is for another description.
     """
-    run, known = _recording(data, stand, calibration, rate_hz, units)
-    truths = run.truth
-    said = diagnosed(run.records(sources()), make_pipeline(known))
-    kept, blocks = _kept(said, residuals)
-    summary = summarise(kept)
+    with searching_less():
+        run, known = _recording(data, stand, calibration, rate_hz, units)
+        truths = run.truth
+        said = diagnosed(run.records(sources()), make_pipeline(known))
+        kept, blocks = _kept(said, residuals)
+        summary = summarise(kept)
     if not summary["scans"]:
         raise RecordingError(f"{run.name}: no scan (topic sensors/slow), nothing to diagnose")
     return Diagnosis(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
-from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 
 from flea_diag.errors import ConfigurationError
@@ -44,6 +42,8 @@ def require(extra: str, what: str) -> None:
 
 def install_command(extra: str) -> str:
     """What installs the packages of an extra beside this Python, at the versions of setup.py."""
+    import shlex
+
     bounds = _bounds()
     wanted = [bounds.get(name.lower(), name) for name in PACKAGES[extra].values()]
     return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
@@ -51,6 +51,8 @@ def install_command(extra: str) -> str:
 
 def _bounds() -> dict[str, str]:
     """Package -> requirement with its bounds, as far as the installation says."""
+    from importlib.metadata import PackageNotFoundError, requires
+
     try:
         every = requires("flea_diag") or []
     except PackageNotFoundError:

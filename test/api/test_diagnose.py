@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -149,3 +150,11 @@ def test_units_and_stands_are_checked(run: fd.Recording) -> None:
 def test_runs_that_cannot_calibrate_are_refused(runs: Any, words: str) -> None:
     with pytest.raises(fd.FleaError, match=words):
         fd.calibrate(runs)
+
+
+def test_the_process_of_the_user_keeps_its_garbage_collection(run: fd.Recording) -> None:
+    before = gc.get_threshold()
+    with pytest.raises(fd.FleaError):
+        fd.diagnose(3)
+    fd.diagnose(run, residuals=False)
+    assert gc.get_threshold() == before
