@@ -149,6 +149,14 @@ class Diagnosis:
         return {row["fault"]: row["reason"] for row in self.summary["not_observable"]}
 
     @property
+    def to_do(self) -> Mapping[str, str]:
+        """What people do about it, as the catalogue states: run, urgency, part, procedure.
+
+        Empty where nothing is to be done, or the catalogue does not say.
+        """
+        return dict(self.groups[-1].to_do) if self.groups else {}
+
+    @property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Tests that would split the group, the best first; with durations in seconds."""
         return self.groups[-1].next_tests if self.groups else ()

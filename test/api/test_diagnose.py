@@ -36,6 +36,7 @@ def test_a_bag_is_diagnosed_as_the_command_does(result: fd.Diagnosis) -> None:
     assert [row.fault for row in result.group] == expected("winding_short")["ambiguity_group"]
     assert result.outcome == "ISOLATED"
     assert result.truth[-1].fault == "winding_short"
+    assert {"run", "urgency", "part"} <= set(result.to_do)
 
 
 def test_what_is_in_memory_gives_the_same_digest(run: fd.Recording, result: fd.Diagnosis) -> None:

@@ -111,6 +111,20 @@ def test_names_are_checked_before_any_run() -> None:
             entrants([f"{HERE}:Silent", text], [])
 
 
+def test_an_installed_package_may_name_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = tmp_path / "others-1.0.dist-info"
+    told.mkdir()
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: others\nVersion: 1.0\n")
+    lines = "[flea_diag.diagnosers]\nsilent = diagnosers:Silent\n"
+    (told / "entry_points.txt").write_text(lines, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{HERE.parent}")
+    made = entrant("silent")
+    assert made.label == "silent"
+    groups = [record for record in run(made.command) if isinstance(record, AmbiguityGroup)]
+    assert [group.outcome for group in groups] == [Outcome.NOMINAL]
+
+
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two examples, one that raises, and limit checks of ours, on two runs."""
