@@ -64,10 +64,6 @@ def diagnose(
     residuals
         Whether to keep residuals, at some 2 kB a row; by default those of up to 200 000 rows.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
     RecordingError
