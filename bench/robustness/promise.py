@@ -28,7 +28,7 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
 from flea_diag.tools.calibrate.procedure import calibrate
-from flea_diag.tools.evaluate.case_run import Diagnosis, diagnose
+from flea_diag.tools.evaluate.case_run import CaseDiagnosis, diagnose
 from flea_diag.tools.main import main as main_of
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, DataQuality, Scan
@@ -46,14 +46,14 @@ def imported(folder: Path, kind: str = "Nominal") -> list[Path]:
     return sorted(folder.iterdir())
 
 
-def diagnosis(bag: Path, calibration: Path) -> Diagnosis:
+def diagnosis(bag: Path, calibration: Path) -> CaseDiagnosis:
     """What the stages say of a recording with this calibration."""
     stand = load_stand(calibration=str(calibration))
     records = (record for _, record in BagReader(bag).records((ChannelTable, Scan)))
     return diagnose(records, make_pipeline(stand))
 
 
-def episodes(done: Diagnosis) -> list[AmbiguityGroup]:
+def episodes(done: CaseDiagnosis) -> list[AmbiguityGroup]:
     """The last group of each episode."""
     groups = (record for record in done.kept if isinstance(record, AmbiguityGroup))
     return list({group.episode: group for group in groups if group.episode}.values())
@@ -64,7 +64,7 @@ def diagnosed(bag: Path, calibration: Path) -> list[AmbiguityGroup]:
     return episodes(diagnosis(bag, calibration))
 
 
-def outside_s(done: Diagnosis, duration_s: float) -> float:
+def outside_s(done: CaseDiagnosis, duration_s: float) -> float:
     """Time of a run in which something was not tested for lying outside the calibration."""
     told = [record for record in done.kept if isinstance(record, DataQuality)]
     ends = done.start_ns + round(duration_s * 1e9)

@@ -29,6 +29,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.unit_difference import difference_sigmas
+from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.scan_counts import COUNTED_PERIOD_S, SMOOTHING_S, SMOOTHINGS_S, ScanCounts
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.fields.values import NotNegative, Positive, within
@@ -48,7 +49,7 @@ LATER_PARAMETERS = (
 )
 """Parameters that only some actuators have; neutral where a file lacks them."""
 NEUTRAL = ActuatorParameters()
-SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage", "units")
+SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage", "units", "law")
 """Entries that older files lack; without them a calibration is the same as such a file."""
 
 
@@ -121,6 +122,8 @@ class Calibration(Frozen):
     """Period by which times were made counts of scans; an older file has the FLEA's at any rate."""
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
     """Time over which readings were smoothed, by the description."""
+    law: RunLaw | None = None
+    """What healthy recordings differ by, and what it can see; None in an older file."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -155,6 +158,7 @@ class Calibration(Frozen):
         """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
         plain["observer_noise"] = self.observer_noise.to_mapping()
+        plain["law"] = None if self.law is None else self.law.to_mapping()
         plain["shifts"] = [limit.to_mapping() for limit in self.shifts]
         for name in LATER_PARAMETERS:
             if plain["parameters"][name] == getattr(NEUTRAL, name):

@@ -134,6 +134,8 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     for name in made.units.spread if made.units else ():
         if name not in UNIT_PARAMETERS:
             yield f"units: {shown(name)} is no parameter that units differ in"
+    for wrong in made.law.contradictions() if made.law else ():
+        yield f"law: {wrong}"
     nats = made.coverage.nats if made.coverage else ()
     if list(nats) != sorted(nats):
         yield "coverage: nats must ascend"

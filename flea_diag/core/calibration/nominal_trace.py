@@ -60,14 +60,9 @@ def trace(
     counts = ScanCounts(period_s, relations.residuals.smoothing_s)
     bank = ResidualBank(identified.parameters, relations, period_s=period_s, counts=counts)
     residuals = bank.step(run.rows, frozen=False)
-    values = residuals.values
-    good = np.ones(len(values), dtype=bool)
-    rows = relations.residuals
-    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
-    corroborated = command >= 0 and np.isfinite(run.rows[:, command]).any()
-    if circuit >= 0 and not corroborated:
-        good = usable(values[:, circuit], identified.voltage_limit_v, counts)
-        _leave_out(values, good, rows)
+    values, rows = residuals.values, relations.residuals
+    good = voltage_usable(run.rows, values, identified.voltage_limit_v, rows, counts)
+    _leave_out(values, good, rows)
     channel, position = displacement(rows, run.rows)
     return Trace(
         run.name,
@@ -82,6 +77,17 @@ def trace(
         channel,
         {name: _range(run.rows[:, rows.index[name]]) for name in rows.predicted},
     )
+
+
+def voltage_usable(
+    readings: Array, values: Array, limit_v: float, rows: ResidualSet, counts: ScanCounts
+) -> Flags:
+    """Scans in which the voltage is plausible by its own balance, or a command corroborates it."""
+    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
+    corroborated = command >= 0 and np.isfinite(readings[:, command]).any()
+    if circuit < 0 or corroborated:
+        return np.ones(len(values), dtype=bool)
+    return usable(values[:, circuit], limit_v, counts)
 
 
 def _range(readings: Array) -> tuple[float, float]:

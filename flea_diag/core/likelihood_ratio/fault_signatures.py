@@ -18,7 +18,7 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.sensor_models import ELAPSED
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S
+from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
 

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
-from flea_diag.core.likelihood_ratio.level_noise import LevelNoise
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S, ResidualWindow
+from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow
 from flea_diag.core.likelihood_ratio.white_unit import WhiteUnit
-from flea_diag.core.likelihood_ratio.whitening import WhiteSignals
+from flea_diag.core.run_law.level_noise import LevelNoise
+from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.core.run_law.whitening import WhiteSignals
 
 Array = npt.NDArray[np.float64]
 

@@ -17,9 +17,10 @@ import numpy.typing as npt
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio, posterior_mean
 from flea_diag.core.likelihood_ratio.onset_bank import MEMORY_S, ONSET_WINDOWS
 from flea_diag.core.likelihood_ratio.ratio_test import RatioTest
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S, ResidualWindow
+from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow
 from flea_diag.core.likelihood_ratio.white_unit import WhiteUnit
-from flea_diag.core.likelihood_ratio.whitening import WhiteSignals
+from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.core.run_law.whitening import WhiteSignals
 
 Array = npt.NDArray[np.float64]
 

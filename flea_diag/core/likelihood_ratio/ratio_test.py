@@ -18,10 +18,11 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.limits.extreme_value import tail_level
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
-from flea_diag.core.likelihood_ratio.level_noise import LevelNoise, level_noise
 from flea_diag.core.likelihood_ratio.onset_bank import OnsetBank
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S, ResidualWindow
+from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow
 from flea_diag.core.likelihood_ratio.white_unit import WhiteUnit
+from flea_diag.core.run_law.level_noise import LevelNoise, level_noise
+from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
 Recording = Sequence[ResidualWindow]

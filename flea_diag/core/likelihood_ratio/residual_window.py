@@ -10,9 +10,6 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-WINDOW_S = 0.2
-"""Five windows a second."""
-
 
 @dataclass(frozen=True, eq=False)
 class ResidualWindow:

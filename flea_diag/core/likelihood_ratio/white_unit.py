@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
-from flea_diag.core.likelihood_ratio.level_noise import LevelNoise
 from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow
-from flea_diag.core.likelihood_ratio.whitening import GainSequence, WhiteSignals, WindowGain
+from flea_diag.core.run_law.level_noise import LevelNoise
+from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals, WindowGain
 
 Array = npt.NDArray[np.float64]
 

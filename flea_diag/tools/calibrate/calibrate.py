@@ -93,13 +93,15 @@ def run(arguments: argparse.Namespace) -> int:
 
     stand = chosen_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
-    actuator = absolute(stand).actuator if arguments.dask else stand.actuator
+    used = absolute(stand) if arguments.dask else stand
     with as_bags(arguments.bags, stand) as bags, KeptPool(arguments.jobs) as pool:
         sharing = Sharing(arguments.jobs, arguments.dask, pool)
         recordings, refused = read_nominal(bags.places, known, sharing)
         check_signs(recordings, known)
         try:
-            found = learn(recordings, actuator, arguments.false_alarms, sharing)
+            found = learn(
+                recordings, used.actuator, arguments.false_alarms, sharing, faults=used.faults
+            )
         except (ArithmeticError, LinAlgError) as error:
             raise CalibrationError(
                 f"the parameters that these recordings show lead to numbers beyond any ({error}): "
@@ -108,6 +110,8 @@ def run(arguments: argparse.Namespace) -> int:
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")
+    for words in found.noisy:
+        warn(words)
     if found.alike:
         warn(
             f"serial numbers {', '.join(found.alike)}: their recordings differ by less than "

@@ -98,14 +98,27 @@ def _read_or_refused(item: tuple[Path | BagUrl, bool], known: ResidualSet) -> No
         return NominalRead(None, tuple(warnings), str(error))
 
 
-def _read(bag: Path, known: ResidualSet, warnings: list[str]) -> NominalRecording:
-    """Rows, channels and period of one bag; a bag with a fault is refused."""
+def read_any(bag: Path, known: ResidualSet) -> NominalRecording:
+    """A recording, whatever its truth.
+
+    Raises
+    ------
+    CalibrationError
+        It has no channel table, no scans, or a channel in another unit.
+    """
+    return _read(bag, known, [], healthy=False)
+
+
+def _read(
+    bag: Path, known: ResidualSet, warnings: list[str], healthy: bool = True
+) -> NominalRecording:
+    """Rows, channels and period of one bag; one with a fault is refused where it must be healthy."""
     import numpy as np
 
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.residuals.channel_units import UNITS
 
-    table, stamps, measured, read, serial = _content(bag, known, warnings)
+    table, stamps, measured, read, serial = _content(bag, known, warnings, healthy)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
         raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
@@ -124,7 +137,7 @@ def _read(bag: Path, known: ResidualSet, warnings: list[str]) -> NominalRecordin
 
 
 def _content(
-    bag: Path, known: ResidualSet, warnings: list[str]
+    bag: Path, known: ResidualSet, warnings: list[str], healthy: bool
 ) -> tuple[ChannelTable | None, list[int], Any, set[str], str]:
     """Channel table, stamps (ns), readings, shape (scans, channels), channels with values, serial.
 
@@ -146,7 +159,7 @@ def _content(
         if isinstance(record, ChannelTable):
             table = record
             serials[next((row.serial for row in table.channels if row.serial), "")] = None
-        elif isinstance(record, Truth) and record.fault not in NOMINAL:
+        elif healthy and isinstance(record, Truth) and record.fault not in NOMINAL:
             raise CalibrationError(
                 f"{bag}: truth is {shown(record.fault)}: calibration needs nominal recordings"
             )

@@ -28,6 +28,7 @@ from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.sensor_limits import sensor_limits
 from flea_diag.tools.calibrate.dead_sensors import dead_sensors, readings
+from flea_diag.tools.calibrate.law import LawOfRecordings
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.recorded_units import folds_of, units_of
 from flea_diag.tools.calibrate.recording_checks import check_left_out, check_recordings
@@ -45,13 +46,18 @@ class CalibrationResult:
     """Recordings that the others show not to be nominal, and why."""
     alike: tuple[str, ...] = ()
     """Serial numbers of what behaves as one unit."""
+    noisy: tuple[str, ...] = ()
+    """Relations that the law leaves out of single recordings, in words."""
 
 
 def calibrate(
-    recordings: list[NominalRecording], actuator: str | Path, false_alarms_per_hour: float
+    recordings: list[NominalRecording],
+    actuator: str | Path,
+    false_alarms_per_hour: float,
+    faults: str | Path | None = None,
 ) -> Calibration:
     """Calibration from recordings of one stand, see ``learn``."""
-    return learn(recordings, actuator, false_alarms_per_hour).calibration
+    return learn(recordings, actuator, false_alarms_per_hour, faults=faults).calibration
 
 
 def learn(
@@ -59,8 +65,12 @@ def learn(
     actuator: str | Path,
     false_alarms_per_hour: float,
     sharing: Sharing = ALONE,
+    faults: str | Path | None = None,
 ) -> CalibrationResult:
     """Calibration from recordings of one stand, with the residuals behind its limits.
+
+    With a catalogue of ``faults`` also the law of healthy recordings, which judges all of them
+    together, and what it can see.
 
     Raises
     ------
@@ -72,15 +82,19 @@ def learn(
     check_recordings(recordings, model, actuator)
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
     result = _learn(recordings, model.name, relations_of, false_alarms_per_hour, sharing)
-    kept = [r for r in recordings if r.run.name not in result.not_nominal]
-    if result.not_nominal:
-        check_left_out(recordings, result.not_nominal)
-        nominal = _learn(kept, model.name, relations_of, false_alarms_per_hour, sharing)
-        result = replace(nominal, not_nominal=result.not_nominal)
-    left_out = tuple(LeftOut(name, reason) for name, reason in result.not_nominal.items())
+    law = LawOfRecordings.of(result.calibration, actuator, faults, recordings, sharing)
+    odd = {**law.not_nominal, **result.not_nominal}
+    if odd:
+        check_left_out(recordings, odd)
+        kept = [r for r in recordings if r.run.name not in odd]
+        result = _learn(kept, model.name, relations_of, false_alarms_per_hour, sharing)
+        recordings = kept
+        law = LawOfRecordings.of(result.calibration, actuator, faults, kept, sharing)
+    left_out = tuple(LeftOut(name, reason) for name, reason in odd.items())
     digest = description_sha256(actuator)
     calibration = replace(result.calibration, actuator_sha256=digest, left_out=left_out)
-    return replace(result, calibration=calibration)
+    calibration = replace(calibration, law=law.seeing(calibration, recordings, sharing))
+    return replace(result, calibration=calibration, not_nominal=odd, noisy=law.noisy)
 
 
 def _learn(

@@ -35,6 +35,10 @@ def words(calibration: Calibration, relations: RelationSet) -> str:
 
         lines += ["", *_envelope(c.envelope, OperatingPoints(c, relations))]
         lines += _heat(c.envelope, relations)
+    if c.law is not None:
+        from flea_diag.tools.calibrate.law_words import words as law_words
+
+        lines += ["", *law_words(c.law, relations)]
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:

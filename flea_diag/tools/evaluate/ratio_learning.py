@@ -16,8 +16,9 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood_ratio import ratio_test
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
 from flea_diag.core.likelihood_ratio.ratio_test import RatioTest
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S, ResidualWindow, WindowMeans
+from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow, WindowMeans
 from flea_diag.core.likelihood_ratio.unit_design import unit_design
+from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.stages.baselines.likelihood_ratio import LikelihoodRatioStage, ResidualColumns
 from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
 from flea_diag.stages.pipeline import Pipeline

@@ -11,11 +11,12 @@ from scipy.stats import multivariate_normal
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
-from flea_diag.core.likelihood_ratio.level_noise import LevelNoise, level_noise
 from flea_diag.core.likelihood_ratio.onset_bank import OnsetBank
 from flea_diag.core.likelihood_ratio.onset_evidence import WindowHistory
 from flea_diag.core.likelihood_ratio.ratio_test import RatioTest
-from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S, ResidualWindow
+from flea_diag.core.likelihood_ratio.residual_window import ResidualWindow
+from flea_diag.core.run_law.level_noise import LevelNoise, level_noise
+from flea_diag.core.run_law.run_windows import WINDOW_S
 
 RESIDUALS = ("first", "second")
 BASIS = Basis(("one", "elapsed_s", "speed"))

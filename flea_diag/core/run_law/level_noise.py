@@ -13,7 +13,7 @@ follow from the variogram of nominal recordings, half the mean square of r over 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -46,24 +46,26 @@ class LevelNoise:
         return self.white + self.coloured
 
 
-def level_noise(recordings: Sequence[Array]) -> LevelNoise:
+def level_noise(recordings: Sequence[Array], walks: bool = True) -> LevelNoise:
     """Noise of nominal recordings, each of shape (windows, residuals), NaN where there is none.
 
-    A residual without any value has a variance of 1: it never counts.
+    A residual without any value has a variance of 1: it never counts. Without ``walks`` there is
+    no level: what moves slowly has been taken off.
     """
     residuals = recordings[0].shape[1]
-    rows = [_of_one([entry[:, k] for entry in recordings]) for k in range(residuals)]
-    return LevelNoise(*np.array(rows).T)
+    rows = [_of_one([entry[:, k] for entry in recordings], walks) for k in range(residuals)]
+    noise = LevelNoise(*np.array(rows).T)
+    return noise if walks else replace(noise, start=np.zeros(residuals))
 
 
-def _of_one(columns: Sequence[Array]) -> tuple[float, float, float, float, float]:
+def _of_one(columns: Sequence[Array], walks: bool) -> tuple[float, float, float, float, float]:
     known = [column[np.isfinite(column)] for column in columns]
     square = float(np.mean(np.concatenate([np.square(k) for k in known] or [np.ones(1)])))
-    lags, gamma = _variogram(columns)
+    lags, gamma = variogram(columns)
     if not len(lags):
         return 1.0, 0.0, 0.0, 0.0, 1.0
     floor = LEAST_SHARE * max(square, 1e-300)
-    fits = [_shares(lags, gamma, phi) for phi in PHIS]
+    fits = [_shares(lags, gamma, phi, walks) for phi in PHIS]
     phi, ((white, coloured, walk), _) = min(
         zip(PHIS, fits, strict=True), key=lambda found: found[1][1]
     )
@@ -71,8 +73,11 @@ def _of_one(columns: Sequence[Array]) -> tuple[float, float, float, float, float
     return max(white, floor), coloured, phi, walk, max(float(np.mean(means)), floor)
 
 
-def _variogram(columns: Sequence[Array]) -> tuple[Array, Array]:
-    """Lags that the recordings have pairs of, and half the mean squares over them."""
+def variogram(columns: Sequence[Array]) -> tuple[Array, Array]:
+    """Lags that the recordings have pairs of, and half the mean squares over them.
+
+    Each of the columns is one residual of one recording, shape (windows,), NaN where there is none.
+    """
     found = []
     for lag in LAGS:
         apart = [c[lag:] - c[:-lag] for c in columns if len(c) > lag]
@@ -84,8 +89,8 @@ def _variogram(columns: Sequence[Array]) -> tuple[Array, Array]:
     return lags, np.maximum(gamma, 1e-300)
 
 
-def _shares(lags: Array, gamma: Array, phi: float) -> tuple[Array, float]:
+def _shares(lags: Array, gamma: Array, phi: float, walks: bool) -> tuple[Array, float]:
     """White, coloured and walk of the best fit, none negative, and its relative misfit."""
-    parts = np.column_stack((np.ones_like(lags), 1.0 - phi**lags, 0.5 * lags))
+    parts = np.column_stack((np.ones_like(lags), 1.0 - phi**lags, 0.5 * lags * walks))
     shares, misfit = nnls(parts / gamma[:, None], np.ones_like(gamma))
     return shares, float(misfit)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood_ratio.level_noise import LevelNoise
+from flea_diag.core.run_law.level_noise import LevelNoise
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

@@ -1,0 +1,124 @@
+"""Evidence of whole recordings by a law, offline: nothing, another unit, or a fault."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from flea_diag.core.run_law.law_columns import FREE, NEGLECTED
+from flea_diag.core.run_law.run_sums import RunSums
+
+WIDE = 10.0
+"""Prior standard deviation of a size, in its standard errors."""
+OTHER_UNIT_K = 5.0
+"""How much warmer or colder a part of another unit may be."""
+NOTHING, UNIT = "nothing", "another unit"
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Log evidence over nothing of another unit and of each fault, and the sizes of the latter."""
+
+    unit: float
+    faults: dict[str, float]
+    sizes: dict[str, Any]
+
+    @property
+    def best(self) -> tuple[str, float]:
+        """The best fault."""
+        return max(self.faults.items(), key=lambda entry: entry[1])
+
+    @property
+    def over_null(self) -> float:
+        """Nats of the best fault over the better of nothing and another unit."""
+        return self.best[1] - max(0.0, self.unit)
+
+    def group(self, within: float = 3.5) -> set[str]:
+        """Faults within so many nats of the best."""
+        return {name for name, nats in self.faults.items() if self.best[1] - nats <= within}
+
+
+def unit_variance(law: Any, tolerances: dict[str, float]) -> Any:
+    """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts."""
+    found = []
+    for term in law.terms:
+        if term.kind == NEGLECTED:
+            warm = term.name.endswith(": one") and not term.name.startswith("ambient")
+            found.append(OTHER_UNIT_K**2 if warm else term.run_sigma**2)
+        else:
+            found.append(tolerances.get(term.name, 0.0) ** 2 * (term.kind == FREE)
+                         + term.unit_sigma**2)  # fmt: skip
+    return np.array(found)
+
+
+def weighed(
+    law: Any, columns: Any, faults: Any, run: Any, unit: Any, onset: int = 0, switched: int = -1
+) -> Weighed:
+    """Evidence from a window on; ``unit``: variances of another unit, ``switched``: its window."""
+    own = columns.of(run)
+    later = np.where(np.arange(len(run))[:, None, None] >= onset, own, 0.0)
+    before = np.where(np.arange(len(run))[:, None, None] >= switched, own, 0.0)
+    count = own.shape[-1]
+    white = law.law_noise.whitened(
+        run, np.concatenate((own, before, later, faults.of(run, onset)), axis=-1)
+    )
+    total = np.concatenate((law.run_variance, unit if switched >= 0 else 0.0 * unit))
+    sums = RunSums.of(white.bounded(_rough(white, law.mean, total, 2 * count)))
+    sums = sums.beside(np.concatenate((law.mean, np.zeros(sums.gram.shape[0] - count))))
+    # Everything that recordings differ by is integrated out of the rest.
+    sigma = np.sqrt(total)
+    base = np.s_[: 2 * count]
+    inner = np.eye(2 * count) + sigma[:, None] * sums.gram[base, base] * sigma
+    kept = sigma[:, None] * np.linalg.inv(inner) * sigma
+    mixed = sums.gram[:, base]
+    gram = sums.gram - mixed @ kept @ mixed.T
+    cross = sums.cross - mixed @ kept @ sums.cross[base]
+    another = _marginal(gram, cross, slice(2 * count, 3 * count), np.sqrt(unit))
+    start = 3 * count
+    found, sizes = {}, {}
+    for name in dict.fromkeys(column.fault for column in faults.columns):
+        which = [start + k for k, column in enumerate(faults.columns) if column.fault == name]
+        found[name], sizes[name] = _best_sizes(gram, cross, which, faults, start)
+    return Weighed(another, found, sizes)
+
+
+def _rough(white: Any, mean: Any, total: Any, count: int) -> Any:
+    """Coefficients beside which far-out windows are bounded."""
+    sums = RunSums.of(white).first(count)
+    prior = np.diag(1.0 / np.maximum(100.0 * total, 1e-12))
+    fit = np.linalg.solve(sums.gram + prior, sums.cross)
+    return np.concatenate((fit, np.zeros(white.rows.shape[-1] - 1 - count)))
+
+
+def _marginal(gram: Any, cross: Any, which: Any, sigma: Any) -> float:
+    """Log evidence of normal coefficients of these deviations over none."""
+    A = np.eye(len(sigma)) + sigma[:, None] * gram[which, which] * sigma
+    b = sigma * cross[which]
+    return 0.5 * float(b @ np.linalg.solve(A, b) - np.linalg.slogdet(A)[1])
+
+
+def _best_sizes(gram: Any, cross: Any, which: list[int], faults: Any, start: int) -> Any:
+    """Evidence of a fault with the sizes that its signs allow, at the price of each."""
+    best, sizes = -math.inf, None
+    for r in range(1, len(which) + 1):
+        for some in itertools.combinations(which, r):
+            index = np.array(some)
+            block = gram[np.ix_(index, index)]
+            if np.linalg.cond(block) > 1e12:
+                continue
+            fit = np.linalg.solve(block, cross[index])
+            rows = [faults.columns[k - start] for k in some]
+            if any(not row.low <= size <= row.high for row, size in zip(rows, fit, strict=True)):
+                continue
+            nats = 0.5 * (1 - 1 / WIDE**2) * float(cross[index] @ fit) - r * math.log(WIDE)
+            if nats > best:
+                best, sizes = nats, dict(zip((row.size for row in rows), fit.tolist(), strict=True))
+    return best, sizes

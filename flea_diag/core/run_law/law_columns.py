@@ -1,0 +1,173 @@
+"""What healthy recordings differ by in the relations, as columns of a design.
+
+Of three kinds: parameters of the *unit*; what is *free* in each run, such as the zeros of sensors
+and how warm a part was before; and what the relations *neglect*: friction that grows with the
+load, a rest of the direction, the rate of the current. A signal whose coefficient in a relation
+holds no parameter is the one that the relation is trusted by: were it a column, zero would fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals, name_of
+from flea_diag.core.likelihood.effects import EffectRules
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ZEROS, ActuatorParameters
+from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation
+from flea_diag.core.run_law.run_windows import (
+    CURRENT_RATE,
+    LOAD_DRAG,
+    WINDOW_S,
+    RunWindows,
+    signal_names,
+)
+from flea_diag.core.symbolic.collect import collect
+from flea_diag.core.symbolic.expression import Constant, Variable, evaluate, symbols
+
+Array = npt.NDArray[np.float64]
+
+UNIT, FREE, NEGLECTED = "unit", "free", "neglected"
+ONE = "one"
+LEAST = 1e-5
+"""Tolerances below are those of what a description takes as equal in all units."""
+
+
+@dataclass(frozen=True)
+class LawColumn:
+    """One column: ``tolerance`` is what units differ by, one sigma; NaN of what is neglected.
+
+    ``relation`` is that of a neglected term; empty: the column enters several.
+    """
+
+    name: str
+    kind: str
+    tolerance: float
+    relation: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LawColumns:
+    """Columns of these relations; ``design`` has shape (relations, signals, columns).
+
+    ``elapsed`` is the place of the time since the start among the signals.
+    """
+
+    relations: tuple[str, ...]
+    columns: tuple[LawColumn, ...]
+    design: Array
+    elapsed: int
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(column.name for column in self.columns)
+
+    def of(self, run: RunWindows) -> Array:
+        """What one unit of each column adds, shape (windows, relations, columns)."""
+        added = np.einsum("trs,rsc->trc", run.signals, self.design)
+        since_s = (np.arange(len(run)) + 0.5) * WINDOW_S
+        return np.asarray(added + since_s[:, None, None] * self.design[:, self.elapsed])
+
+    def some(self, which: Collection[int]) -> LawColumns:
+        """The same with some of the columns."""
+        places = sorted(which)
+        kept = tuple(self.columns[place] for place in places)
+        return LawColumns(self.relations, kept, self.design[..., places], self.elapsed)
+
+
+def law_columns(
+    effects: EffectSet,
+    parameters: ActuatorParameters,
+    tolerance: Mapping[str, float],
+    relations: tuple[str, ...],
+    free: Collection[str] = (),
+) -> LawColumns:
+    """Columns of these relations.
+
+    Parameters
+    ----------
+    tolerance
+        By ``EffectSet.differences``, one sigma in SI units.
+    free
+        Parameters that the description marks as free in each run, beside the zeros.
+    """
+    names = signal_names(effects)
+    entries: dict[LawColumn, Array] = {}
+    for column, place, gain in _terms(effects, parameters, tolerance, {*ZEROS, *free}):
+        if place[0] in relations and place[1] in names:
+            blank = np.zeros((len(relations), len(names)))
+            entry = entries.setdefault(column, blank)
+            entry[relations.index(place[0]), names.index(place[1])] += gain
+    design = np.stack(list(entries.values()), axis=-1)
+    return LawColumns(relations, tuple(entries), design, names.index("elapsed_s"))
+
+
+Term = tuple[LawColumn, tuple[str, str], float]
+"""A column, the relation and the signal by which it enters it, and the factor."""
+
+
+def _terms(
+    effects: EffectSet,
+    parameters: ActuatorParameters,
+    tolerance: Mapping[str, float],
+    free: Collection[str],
+) -> Iterator[Term]:
+    rules, values = EffectRules(effects.relations), _values(parameters)
+    for name in UNIT_PARAMETERS:
+        if tolerance.get(name, 0.0) < LEAST:
+            continue
+        column = LawColumn(name, FREE if name in free else UNIT, tolerance[name])
+        for effect in rules.moved({name: Constant(-1.0)}):
+            gain = float(evaluate(effect.gain, values))
+            yield column, (effect.residual, name_of(effect.basis)), gain
+    for term in effects.basis_of(parameters).unit_terms:
+        if term.difference not in UNIT_PARAMETERS:
+            column = LawColumn(term.difference, FREE, tolerance[term.difference])
+            yield column, (term.residual, term.regressor), term.gain
+    yield from _neglected(effects)
+
+
+def _neglected(effects: EffectSet) -> Iterator[Term]:
+    """Columns of one relation each."""
+    circuit = effects.residuals.circuit
+    for row in effects.relations.relations:
+        signals = [CURRENT_RATE] if row.name == circuit else []
+        for signal in (*signals, *_loads(row, effects)):
+            yield _own(row.name, signal)
+    for name in effects.residuals.predictions:
+        yield _own(name, ONE)
+
+
+def _own(relation: str, signal: str) -> Term:
+    column = LawColumn(f"{relation}: {signal}", NEGLECTED, float("nan"), relation)
+    return column, (relation, signal), 1.0
+
+
+def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
+    """Load, load times sign of the motion and sign of the motion, where they are no term of it."""
+    if row.kind != "junction":
+        return
+    load = motion_signals(effects.residuals)[1]
+    if load in effects.relations.signals:
+        yield LOAD_DRAG
+        if not _trusted(row, load, effects):
+            yield load
+    if DIRECTION in effects.names and DIRECTION not in row.signals:
+        yield DIRECTION
+
+
+def _trusted(row: CompiledRelation, signal: str, effects: EffectSet) -> bool:
+    """Whether the relation holds the signal with a coefficient without a parameter."""
+    share = collect(row.expression, effects.relations.signals).get(Variable(signal))
+    return share is not None and not symbols(share)
+
+
+def _values(parameters: ActuatorParameters) -> dict[str, float]:
+    return {name: getattr(parameters, name) for name in parameters.__dataclass_fields__}

@@ -1,0 +1,215 @@
+"""What is left of a healthy recording beside what it differs by: noise of the relations.
+
+Of each relation white and coloured noise in windows (``level_noise`` without a level); relations
+that share a sensor have a part in common, which is taken off each of them by those before it.
+Windows with a reversal or a standstill may be louder. What is far out in a window counts as if it
+were ``BOUND`` standard deviations out, whatever hypothesis it is held against: a spike is no fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.run_law.level_noise import LevelNoise, level_noise
+from flea_diag.core.run_law.run_windows import RunWindows
+from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+BOUND = 3.0
+"""Standard deviations beyond which a window counts less: of normal noise 0.3 % are."""
+SHARED = 0.05
+"""Correlation between two relations below which none is taken into account."""
+LOUDER = 1.1
+"""Factor of the noise at reversals below which it is taken as 1."""
+LEAST_WINDOWS = 50
+"""Fewer tell neither a correlation nor a factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawNoise:
+    """Noise of relations in windows.
+
+    Attributes
+    ----------
+    white, coloured, phi
+        Variances, and the correlation of the coloured part from window to window, shape
+        (relations,).
+    shared
+        What a relation has of those before it, shape (relations, relations), lower triangle.
+    turning
+        Factor of the standard deviation in windows with a reversal, shape (relations,).
+    """
+
+    white: Array
+    coloured: Array
+    phi: Array
+    shared: Array
+    turning: Array
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of one window, shape (relations,)."""
+        return np.asarray(np.sqrt(self.white + self.coloured))
+
+    @property
+    def long_run(self) -> Array:
+        """Standard deviation of the mean of many windows, times the root of their number."""
+        return np.asarray(np.sqrt(self.white + self.coloured * (1 + self.phi) / (1 - self.phi)))
+
+    def levels(self) -> LevelNoise:
+        """The same as the noise of a filter, without a level."""
+        zero = np.zeros_like(self.white)
+        return LevelNoise(self.white, self.coloured, self.phi, zero, zero)
+
+    def scaled(self, factor: Array) -> LawNoise:
+        """The same with standard deviations that are this much larger, shape (relations,)."""
+        square = np.square(factor)
+        return replace(self, white=self.white * square, coloured=self.coloured * square)
+
+    def unshared(self, signals: Array, known: Flags) -> Array:
+        """Signals, shape (windows, relations, n), each less what it has of those before it.
+
+        Only where both have a value; ``known`` has shape (windows, relations).
+        """
+        if not self.shared.any():
+            return signals
+        both = known[:, :, None] & known[:, None, :]
+        return np.asarray(signals - np.matmul(np.where(both, self.shared, 0.0), signals))
+
+    def whitened(self, run: RunWindows, columns: Array) -> WhiteRun:
+        """White residuals and columns of a recording; columns: (windows, relations, n)."""
+        known = np.isfinite(run.values)
+        values = np.where(known, run.values, 0.0)
+        both = self.unshared(np.concatenate((values[..., None], columns), axis=-1), known)
+        gains, signals = GainSequence(self.levels()), WhiteSignals(both.shape[1:])
+        loud = np.where(run.turning[:, None], self.turning, 1.0)
+        white, scales = np.zeros_like(both), np.ones(known.shape)
+        for number, row in enumerate(both):
+            gain = gains.step(known[number])
+            white[number] = signals.step(row, gain)
+            scales[number] = gain.scale[:, 0]
+        scales = np.where(known, scales / loud, 1.0)
+        return WhiteRun(white / loud[..., None], known, float(np.log(scales).sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteRun:
+    """[y, X] of a recording in its noise, shape (windows, relations, 1 + columns).
+
+    ``log_scale`` is the log density that the scales alone give, constants left out.
+    """
+
+    rows: Array
+    known: Flags
+    log_scale: float
+
+    def bounded(self, coefficients: Array) -> WhiteRun:
+        """The same with windows that are far out, beside these coefficients, counting less."""
+        left = np.abs(self.left(coefficients))
+        weight = np.sqrt(np.minimum(1.0, BOUND / np.maximum(left, BOUND)))
+        return replace(self, rows=self.rows * weight[..., None])
+
+    def left(self, coefficients: Array) -> Array:
+        """White residuals beside these coefficients, shape (windows, relations)."""
+        return np.asarray(self.rows[..., 0] - self.rows[..., 1:] @ coefficients)
+
+
+def learned_noise(
+    left: Sequence[Array], turning: Sequence[Flags], sharing: Sequence[tuple[int, int]]
+) -> LawNoise:
+    """Noise of what recordings leave, each of shape (windows, relations), NaN where there is none.
+
+    ``sharing``: pairs of relations, the later one first, that read a sensor in common.
+    """
+    spikes = 1.5 * BOUND * np.array([_robust_sigma(left, k) for k in range(left[0].shape[1])])
+    cut = [np.clip(entry, -spikes, spikes) for entry in left]
+    count = left[0].shape[1]
+    noise = level_noise(cut, walks=False)
+    plain = LawNoise(
+        noise.white, noise.coloured, noise.phi, np.zeros((count, count)), np.ones(count)
+    )
+    shared = _shared(np.concatenate(cut), sharing)
+    if not shared.any():
+        return plain
+    with_shared = replace(plain, shared=shared)
+    apart = [
+        np.where(np.isfinite(c), with_shared.unshared(np.nan_to_num(c)[..., None],
+                                                      np.isfinite(c))[..., 0], np.nan)
+        for c in cut
+    ]  # fmt: skip
+    noise = level_noise(apart, walks=False)
+    return replace(with_shared, white=noise.white, coloured=noise.coloured, phi=noise.phi)
+
+
+def calibrated(
+    noise: LawNoise, left: Sequence[Array], known: Sequence[Flags], turning: Sequence[Flags],
+    unknowns: Array,
+) -> LawNoise:  # fmt: skip
+    """The same noise, so that what is left in white has a mean square of 1 where nothing is far out.
+
+    Parameters
+    ----------
+    left
+        White residuals of each recording, shape (windows, relations).
+    unknowns
+        Coefficients that they have been freed of, for each relation.
+    """
+    e, k, t = np.concatenate(left), np.concatenate(known), np.concatenate(turning)
+    loud = np.array([_factor(e[:, j], k[:, j], t) for j in range(e.shape[1])])
+    e = e / np.where(t[:, None], loud, 1.0)
+    counts = np.maximum(k.sum(axis=0) - unknowns, 1.0)
+    bounded = np.where(k, np.minimum(np.abs(e), BOUND), 0.0)
+    square = np.square(bounded).sum(axis=0) / counts / WITHIN
+    found = np.where(k.sum(axis=0) >= LEAST_WINDOWS, np.sqrt(np.maximum(square, 1e-12)), 1.0)
+    return replace(noise.scaled(found), turning=noise.turning * loud)
+
+
+WITHIN = 0.9950
+"""Mean square of a standard normal variable that is cut off at ``BOUND``."""
+
+
+def _factor(e: Array, known: Flags, turning: Flags) -> float:
+    """By how much a relation is louder at reversals."""
+    there, else_ = known & turning, known & ~turning
+    if min(there.sum(), else_.sum()) < LEAST_WINDOWS:
+        return 1.0
+    squares = [np.square(np.clip(e[w], -BOUND, BOUND)).mean() for w in (there, else_)]
+    factor = float(np.sqrt(squares[0] / max(squares[1], 1e-12)))
+    return factor if factor > LOUDER else 1.0
+
+
+def _robust_sigma(left: Sequence[Array], column: int) -> float:
+    """Standard deviation by the median of the magnitudes; infinite where it is 0 or not known."""
+    values = np.concatenate([entry[:, column] for entry in left])
+    values = np.abs(values[np.isfinite(values)])
+    sigma = 1.4826 * float(np.median(values)) if len(values) else 0.0
+    return sigma if sigma > 0.0 else np.inf
+
+
+def _shared(left: Array, sharing: Sequence[tuple[int, int]]) -> Array:
+    """Regression of each relation on those before it with which it shares a sensor."""
+    found = np.zeros((left.shape[1],) * 2)
+    for row in sorted({later for later, _ in sharing}):
+        earlier = sorted(e for later, e in sharing if later == row)
+        use = np.isfinite(left[:, [row, *earlier]]).all(axis=1)
+        if use.sum() < LEAST_WINDOWS:
+            continue
+        x, y = left[use][:, earlier], left[use, row]
+        sizes = np.maximum(x.std(axis=0), 1e-300)
+        strong = [k for k in range(len(earlier)) if abs(_correlation(x[:, k], y)) > SHARED]
+        if strong:
+            chosen = x[:, strong] / sizes[strong]
+            slopes = np.linalg.lstsq(chosen, y, rcond=None)[0] / sizes[strong]
+            found[row, [earlier[k] for k in strong]] = slopes
+    return found
+
+
+def _correlation(x: Array, y: Array) -> float:
+    spread = float(x.std() * y.std())
+    return float(((x - x.mean()) * (y - y.mean())).mean()) / spread if spread > 0.0 else 0.0

@@ -1,0 +1,74 @@
+"""How fast what a recording differs by moves within it.
+
+c is a stationary process with the variance S between recordings and the correlation exp(-t / tau).
+The likelihood of the recordings in pieces, each of which says something of c at its time, chooses
+tau of a row; the longest row is told from a constant by no recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.run_law.law_noise import LawNoise
+from flea_diag.core.run_law.restricted_likelihood import Spread
+from flea_diag.core.run_law.run_sums import RunSums
+from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows
+
+Array = npt.NDArray[np.float64]
+
+TAUS_S = (30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
+"""Half a minute to hours: faster is noise, slower is another recording."""
+PIECE_WINDOWS = 50
+WITHIN_NATS = 2.0
+"""Below the best: the shortest of these time constants is taken, which hides least."""
+MOST_RUNS = 100
+"""Recordings that are looked at, evenly over all."""
+
+
+def time_constant_s(
+    runs: Sequence[RunWindows], columns: Sequence[Array], noise: LawNoise, spread: Spread
+) -> float:
+    """Time constant that explains the recordings, the shortest that they do not exclude."""
+    step = -(-len(runs) // MOST_RUNS)
+    pieces = [
+        _pieces(run, x, noise, spread.mean)
+        for run, x in list(zip(runs, columns, strict=True))[::step]
+    ]
+    nats = np.array([sum(_log_density(p, spread.variance, tau) for p in pieces) for tau in TAUS_S])
+    return float(next(t for t, n in zip(TAUS_S, nats, strict=True) if n > nats.max() - WITHIN_NATS))
+
+
+def _pieces(run: RunWindows, x: Array, noise: LawNoise, mean: Array) -> list[RunSums]:
+    """Sums of each piece of a recording, whitened in one go."""
+    white = noise.whitened(run, x).bounded(mean)
+    made = []
+    for start in range(0, len(run), PIECE_WINDOWS):
+        rows = white.rows[start : start + PIECE_WINDOWS].reshape(-1, x.shape[-1] + 1)
+        products = rows.T @ rows
+        zero = np.zeros(())
+        made.append(
+            RunSums(products[1:, 1:], products[1:, 0], products[0, 0], zero, zero).beside(mean)
+        )
+    return made
+
+
+def _log_density(pieces: Sequence[RunSums], variance: Array, tau_s: float) -> float:
+    """Log density of the pieces of one recording in a stationary process."""
+    kept = np.exp(-PIECE_WINDOWS * WINDOW_S / tau_s)
+    stationary = np.diag(variance)
+    mean, covariance, nats = np.zeros(len(variance)), stationary.copy(), 0.0
+    identity = np.eye(len(variance))
+    for piece in pieces:
+        # An update in the form of information: nothing is said of what no signal moves.
+        inner = identity + piece.gram @ covariance
+        off = piece.cross - piece.gram @ mean
+        solved = np.linalg.solve(inner, off)
+        square = float(piece.square - 2.0 * piece.cross @ mean + mean @ piece.gram @ mean)
+        nats -= 0.5 * (square - float(off @ covariance @ solved) + np.linalg.slogdet(inner)[1])
+        mean = mean + covariance @ solved
+        covariance = covariance @ np.linalg.inv(inner)
+        mean, covariance = kept * mean, kept**2 * covariance + (1.0 - kept**2) * stationary
+    return nats

@@ -1,0 +1,276 @@
+"""Recordings that the others show not to be healthy, found together.
+
+One at a time two of one kind mask each other: each widens what recordings may differ by for the
+other. So the law is learned from the half that lies nearest to the middle, and whatever lies
+within that law is added, until nothing changes (BACON; Billor, Hadi and Velleman 2000). What a
+recording is held against is a mixture: as the others, or with one coefficient, one fault of the
+catalogue from before its start, or all those of the unit far off; the component with the largest
+Bayes factor is its name. A relation that is far noisier than in the others is left out of that
+recording alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.run_law.fault_columns import FaultColumn
+from flea_diag.core.run_law.law_columns import UNIT, LawColumn
+from flea_diag.core.run_law.restricted_likelihood import (
+    PRIOR_RUNS,
+    Spread,
+    fitted,
+    without_each,
+)
+from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+FAULT, NOISE, MANY = "fault", "noise", "many"
+BROAD = 10.0
+"""Standard deviation of the size of a defect, in those by which its size is known."""
+SHARE = 0.05
+"""Of recordings that are unsound, a priori: 2 of the first 62 of the FLEA were."""
+LEAST_GAIN = 1e-9
+"""Share of its information that a direction must keep beside all that recordings differ by."""
+ROUNDS = 12
+CHANGED = 3.0
+"""Factor of a variance that no noise need be a defect for: rooms, supplies and motions change it."""
+
+
+@dataclass(frozen=True)
+class UnsoundRun:
+    """One recording that is not as the others.
+
+    Attributes
+    ----------
+    what
+        Column, fault or relation; of ``MANY`` the one that is farthest off.
+    kind
+        ``UNIT``, ``FREE`` or ``NEGLECTED`` of a column, ``FAULT``, ``NOISE``, or ``MANY`` columns
+        of the unit at once.
+    size, usual
+        What it differs by, and one standard deviation of the others, in SI units; of noise its
+        factor and 1.
+    nats
+        Log of the posterior odds.
+    """
+
+    place: int
+    what: str
+    kind: str
+    size: float
+    usual: float
+    nats: float
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Recordings to be judged: sums, mean square of what each relation leaves, and its values.
+
+    ``sums`` hold the columns and then ``faults``; ``misfit`` and ``counts`` have shape
+    (recordings, relations). ``scale`` makes SI units of coefficients.
+    """
+
+    sums: RunSums
+    misfit: Array
+    counts: Array
+    columns: Sequence[LawColumn]
+    faults: Sequence[FaultColumn]
+    relations: tuple[str, ...]
+    scale: Array
+    prior: Array
+    mean_prior: Array
+    groups: Array
+
+    @cached_property
+    def own(self) -> RunSums:
+        """Sums of the columns of the law."""
+        return self.sums.first(len(self.columns))
+
+    def fit(self, sound: Flags) -> Spread:
+        """The spread of those that are sound."""
+        which = np.flatnonzero(sound)
+        return fitted(self.own[which], self.prior, self.mean_prior, self.groups[which])
+
+
+class Judged(NamedTuple):
+    """Which recordings are sound, their spread, and the others with what is wrong with them.
+
+    ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
+    ``feigned`` are centre and variance of each fault's size in sound ones, shape (faults,).
+    """
+
+    sound: Flags
+    spread: Spread
+    unsound: tuple[UnsoundRun, ...]
+    noisy: tuple[UnsoundRun, ...]
+    feigned: tuple[Array, Array]
+
+
+def sound_runs(of: Candidates) -> Judged:
+    """Judge all recordings together."""
+    sound = _nearest_half(of)
+    for _ in range(ROUNDS):
+        spread = of.fit(sound)
+        odds, usual = _judged(of, spread, sound)
+        now = np.array([found.nats <= 0.0 for found in odds])
+        if 2 * now.sum() < len(now):
+            now = _least_odd(odds)
+        if (now == sound).all():
+            break
+        sound = now
+    unsound = tuple(found for found, good in zip(odds, sound, strict=True) if not good)
+    noisy = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
+    first = len(of.columns)
+    feigned = usual.size[first:], usual.size_variance[first:]
+    return Judged(sound, spread, unsound, noisy, feigned)
+
+
+def _nearest_half(of: Candidates) -> Flags:
+    """The half of the recordings nearest to the middle: by medians, which a quarter cannot move.
+
+    Too few for a half to say anything are all taken.
+    """
+    count = len(of.sums)
+    if count < 2 * (PRIOR_RUNS + 1.0):
+        return np.ones(count, dtype=bool)
+    kept, _ = posterior_covariance(of.own.gram, of.mean_prior)
+    own = np.matmul(kept, of.own.cross[..., None])[..., 0]
+    middle = np.median(own, axis=0)
+    error = np.einsum("kii->ki", kept)
+    spread = np.square(1.4826 * np.median(np.abs(own - middle), axis=0))
+    apart = np.square(own - middle) / (error + np.maximum(spread, 0.25 * of.prior))
+    distance = apart.max(axis=1)
+    return np.asarray(distance <= np.median(distance))
+
+
+def _least_odd(odds: Sequence[UnsoundRun]) -> Flags:
+    """The half that is least odd: which of them are the healthy ones is not clear."""
+    nats = np.array([found.nats for found in odds])
+    return np.asarray(nats <= np.median(nats))
+
+
+def _judged(of: Candidates, spread: Spread, sound: Flags) -> tuple[list[UnsoundRun], _Usual]:
+    """The most likely defect of each recording, with its odds; sound ones judged by the others."""
+    members = np.flatnonzero(sound)
+    apart = without_each(of.own[members], spread, of.mean_prior)
+    by = dict(zip(members.tolist(), apart, strict=True))
+    sizes = [_sizes(of, k, by.get(k, spread)) for k in range(len(of.sums))]
+    usual = _Usual(*_usual_sizes(sizes, sound), len(members))
+    odds = [_defect(of, k, by.get(k, spread), size, usual) for k, size in enumerate(sizes)]
+    return odds, usual
+
+
+class _Sizes(NamedTuple):
+    """Size of every column and fault by itself, its variance, and the share that recordings have.
+
+    NaN where a direction cannot be told from what recordings differ by.
+    """
+
+    size: Array
+    variance: Array
+    share: Array
+
+
+class _Usual(NamedTuple):
+    """Sizes of all directions that sound recordings show, and their number."""
+
+    size: Array
+    size_variance: Array
+    runs: int
+
+
+def _sizes(of: Candidates, k: int, law: Spread) -> _Sizes:
+    """All that recordings differ by integrated out."""
+    count = len(of.columns)
+    every = of.sums[k].beside(np.concatenate((law.mean, np.zeros(len(of.faults)))))
+    own, mixed = every.gram[:count, :count], every.gram[:, :count]
+    kept = np.linalg.inv(np.linalg.inv(np.diag(law.variance) + law.covariance) + own)
+    explained = mixed @ kept
+    alone = np.diag(every.gram)
+    gain = alone - np.einsum("ij,ij->i", explained, mixed)
+    gain = np.where(gain > LEAST_GAIN * alone, gain, np.nan)
+    pull = every.cross - explained @ every.cross[:count]
+    return _Sizes(pull / gain, 1.0 / gain, 1.0 - gain / np.where(alone > 0.0, alone, 1.0))
+
+
+def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> tuple[Array, Array]:
+    """Sizes of faults that sound recordings show, and their variance beyond that of one of them.
+
+    A signal that carries the noise of its own relation feigns a share of itself (errors in
+    variables): in healthy recordings, too. Medians, so that no single one sets them.
+    """
+    found = np.array([each.size for each, good in zip(sizes, sound, strict=True) if good])
+    error = np.array([each.variance for each, good in zip(sizes, sound, strict=True) if good])
+    blank = ~np.isfinite(found).any(axis=0)
+    found[:, blank], error[:, blank] = 0.0, 0.0
+    centre = np.nanmedian(found, axis=0)
+    scatter = np.square(1.4826 * np.nanmedian(np.abs(found - centre), axis=0))
+    return centre, np.maximum(scatter - np.nanmedian(error, axis=0), 0.0)
+
+
+def _defect(of: Candidates, k: int, law: Spread, sizes: _Sizes, usual: _Usual) -> UnsoundRun:
+    found = list(_directions(of, k, sizes, usual))
+    best = max(found, key=lambda each: each.nats)
+    many = _unit(of, k, law, usual)
+    found.append(replace(best, kind=MANY, nats=many))
+    best = max(best, found[-1], key=lambda each: each.nats)
+    odds = float(np.logaddexp.reduce([each.nats for each in found]) + np.log(SHARE / len(found)))
+    return replace(best, nats=odds)
+
+
+def _directions(of: Candidates, k: int, sizes: _Sizes, usual: _Usual) -> Iterator[UnsoundRun]:
+    """Each column and each fault by itself.
+
+    The variance that recordings have is known from some of them: the share of it in the error of a
+    size makes its distribution one of Student's (Satterthwaite 1946).
+    """
+    entries = [
+        (c.name, c.kind, (-np.inf, np.inf), z) for c, z in zip(of.columns, of.scale, strict=True)
+    ]
+    entries += [(f.name, FAULT, (f.low, f.high), 1.0) for f in of.faults]
+    is_fault = np.arange(len(entries)) >= len(of.columns)
+    apart = sizes.size - np.where(is_fault, usual.size, 0.0)
+    more = np.where(is_fault, usual.size_variance, 0.0)
+    variance = sizes.variance + more
+    share = (sizes.share * sizes.variance + more) / variance
+    freedom = usual.runs / np.maximum(share, 1e-3) ** 2
+    nats = 0.5 * (freedom + 1.0) * np.log1p(np.square(apart) / variance / freedom) - np.log(BROAD)
+    for j, (name, kind, (low, high), scale) in enumerate(entries):
+        if np.isfinite(nats[j]) and low <= apart[j] <= high:
+            error = float(np.sqrt(variance[j]) * scale)
+            yield UnsoundRun(k, name, kind, float(apart[j] * scale), error, float(nats[j]))
+
+
+def _unit(of: Candidates, k: int, law: Spread, usual: _Usual) -> float:
+    """Log Bayes factor of all that units differ by, at once.
+
+    What few recordings scatter by is known so badly that it may well be more.
+    """
+    is_unit = np.array([column.kind == UNIT for column in of.columns])
+    wider = usual.runs / max(usual.runs - 2.0, 1.0)
+    usual_law = Spread(law.mean, law.variance * wider, law.covariance)
+    wide = replace(usual_law, variance=usual_law.variance + of.mean_prior * is_unit)
+    return float(wide.log_density(of.own[k]) - usual_law.log_density(of.own[k]))
+
+
+def _noises(of: Candidates, k: int, sound: Flags) -> Iterator[UnsoundRun]:
+    """Relations of a recording that are far noisier than in the sound ones, by the logarithm."""
+    for j, name in enumerate(of.relations):
+        logs = np.log(np.maximum(of.misfit[sound & (of.counts[:, j] > 0.0), j], 1e-12))
+        if of.counts[k, j] < 1.0 or len(logs) <= 2:
+            continue
+        centre = float(np.median(logs))
+        spread = max(1.4826 * float(np.median(np.abs(logs - centre))), np.log(CHANGED) / 3.0)
+        apart = float(np.log(max(of.misfit[k, j], 1e-12))) - centre
+        nats = 0.5 * (apart / spread) ** 2 - np.log(BROAD * len(of.relations) / SHARE)
+        if apart > 0.0 and nats > 0.0:
+            factor = float(np.exp(0.5 * apart))
+            yield UnsoundRun(k, name, NOISE, factor, 1.0, float(nats))

@@ -1,0 +1,105 @@
+"""The law of the recordings of a calibration: learned, and what it can see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
+from flea_diag.core.run_law.law_columns import LawColumns, law_columns
+from flea_diag.core.run_law.law_learning import LawFit, learn_law
+from flea_diag.core.run_law.run_law import RunLaw
+from flea_diag.core.run_law.run_windows import RunWindows, signal_names
+from flea_diag.core.run_law.visible_sizes import limit_nats, visible_sizes
+from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
+from flea_diag.tools.calibrate.law_words import reason_of
+from flea_diag.tools.calibrate.limit_sizes import with_limits
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.tools.calibrate.shared_work import ALONE, Sharing
+from flea_diag.tools.terminal import progress
+
+DROP_NATS = 3.5
+"""As ``drop_nats`` of the isolator: what a fault must be ahead of another one by."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawDesign:
+    """What a law of this calibration is made of: columns of healthy differences and of faults."""
+
+    work: WindowWork
+    columns: LawColumns
+    faults: FaultColumns
+
+    @classmethod
+    def of(cls, calibration: Calibration, actuator: str, faults: str) -> LawDesign:
+        """From the description and the catalogue."""
+        work = WindowWork.of(calibration, actuator, faults)
+        effects, parameters = work.effects(), calibration.parameters
+        differences = effects.differences
+        tolerance = dict(zip(differences, calibration.differences(differences), strict=True))
+        columns = law_columns(effects, parameters, tolerance, work.relations)
+        models, signals = effects.bound(parameters), signal_names(effects)
+        return cls(work, columns, fault_columns(models, work.relations, signals))
+
+    def windows(
+        self, recordings: Sequence[NominalRecording], sharing: Sharing = ALONE
+    ) -> list[RunWindows]:
+        """Recordings as the law sees them."""
+        items = [WindowItem(recording.run, recording.serial) for recording in recordings]
+        return list(sharing.over(self.work.windows, items, "windows"))
+
+    def learned(self, runs: Sequence[RunWindows]) -> LawFit:
+        """The law of these recordings."""
+        return learn_law(runs, self.columns, self.faults, self.work.sharing(), progress)
+
+    def with_sizes(
+        self, fit: LawFit, calibration: Calibration, recordings: Sequence[NominalRecording],
+        sharing: Sharing = ALONE,
+    ) -> RunLaw:  # fmt: skip
+        """The law with the sizes of faults that it and the limits of the calibration can see."""
+        limit = limit_nats(calibration.false_alarms_per_hour, len(self.faults))
+        seen = visible_sizes(fit.law, fit.columns, self.faults, fit.sound, limit, DROP_NATS)
+        both = with_limits(seen, calibration, self.work, self.faults, recordings, sharing)
+        return replace(fit.law, visible=tuple(both))
+
+
+@dataclass(frozen=True, eq=False)
+class LawOfRecordings:
+    """What the recordings of a calibration, taken together, say of each other.
+
+    ``not_nominal``: recording -> why it is not as the others. ``noisy``: what is left out of single
+    recordings, in words.
+    """
+
+    design: LawDesign | None = None
+    fit: LawFit | None = None
+    not_nominal: Mapping[str, str] = field(default_factory=dict)
+    noisy: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, calibration: Calibration, actuator: str | Path, faults: str | Path | None,
+        recordings: Sequence[NominalRecording], sharing: Sharing,
+    ) -> LawOfRecordings:  # fmt: skip
+        """Learn it; nothing without a catalogue, or without a relation that a law could be of."""
+        if faults is None:
+            return cls()
+        design = LawDesign.of(calibration, str(actuator), str(faults))
+        if not len(design.columns):
+            return cls()
+        fit = design.learned(design.windows(recordings, sharing))
+        relations = design.work.effects().relations
+        names = [recording.run.name for recording in recordings]
+        odd = {names[row.place]: reason_of(row, relations) for row in fit.unsound}
+        noisy = tuple(f"{names[row.place]}: {reason_of(row, relations)}" for row in fit.noisy)
+        return cls(design, fit, odd, noisy)
+
+    def seeing(
+        self, calibration: Calibration, recordings: Sequence[NominalRecording], sharing: Sharing
+    ) -> RunLaw | None:
+        """The law with the sizes of faults that show."""
+        if self.design is None or self.fit is None:
+            return None
+        return self.design.with_sizes(self.fit, calibration, recordings, sharing)

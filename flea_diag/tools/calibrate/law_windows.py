@@ -1,0 +1,105 @@
+"""Windows of nominal recordings, as the law of healthy recordings is learned from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flea_diag.configuration.description import compiled_relations, effects_of
+from flea_diag.core.calibration.nominal_trace import voltage_usable
+from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.run_law.run_windows import (
+    WINDOW_S,
+    RunWindows,
+    answering,
+    in_motion_only,
+    windows_of,
+    with_neglected,
+)
+from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.stages.observer.regressor_table import RegressorTable
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Calibration, NominalRun
+    from flea_diag.core.likelihood.effect_set import EffectSet
+    from flea_diag.core.residuals.parameters import ActuatorParameters
+
+
+class WindowItem(NamedTuple):
+    """A recording, and the serial number of its unit."""
+
+    run: NominalRun
+    unit: str
+
+
+@dataclass(frozen=True)
+class WindowWork:
+    """Work on one recording; relations and effects are made where it is done.
+
+    ``relations`` are those that the law is of.
+    """
+
+    actuator: str
+    faults: str
+    channels: tuple[str, ...]
+    parameters: ActuatorParameters
+    voltage_limit_v: float
+    period_s: float
+    relations: tuple[str, ...]
+
+    @classmethod
+    def of(cls, calibration: Calibration, actuator: str, faults: str) -> WindowWork:
+        """For the relations that a calibration has limits of."""
+        c = calibration
+        known = compiled_relations(actuator, c.channels, c.parameters.encoder_m_per_rad != 0.0)
+        weighed = tuple(n for n in known.residuals.weighed if c.limit(n) is not None)
+        return cls(
+            actuator, faults, c.channels, c.parameters, c.voltage_limit_v, c.period_s, weighed
+        )
+
+    def effects(self) -> EffectSet:
+        """Effects of the catalogue on the relations that these channels close."""
+        has_encoder = self.parameters.encoder_m_per_rad != 0.0
+        known = compiled_relations(self.actuator, self.channels, has_encoder)
+        return effects_of(self.actuator, self.faults, known, self.channels)
+
+    def windows(self, item: WindowItem) -> RunWindows:
+        """Windows of a recording; predicted temperatures follow no sensor in it."""
+        effects = self.effects()
+        rows, counts = effects.residuals, ScanCounts(self.period_s, effects.residuals.smoothing_s)
+        bank = ResidualBank(
+            self.parameters, effects.relations, period_s=self.period_s, counts=counts
+        )
+        readings = item.run.rows
+        formed = bank.step(readings, frozen=True)
+        if rows.voltage:
+            good = voltage_usable(readings, formed.values, self.voltage_limit_v, rows, counts)
+            formed.leave_out(~good, rows.needing(rows.voltage))
+        values = in_motion_only(
+            formed.values[:, rows.columns(self.relations)], formed.moving, rows, self.relations
+        )
+        table = RegressorTable(effects, self.parameters)
+        plain = with_neglected(table.rows(readings, formed), effects, self.period_s)
+        signals = np.repeat(plain[:, None], len(self.relations), axis=1)
+        for place, column, gain in answering(effects, self.parameters, self.relations):
+            told = replace(formed, signals=formed.signals.copy())
+            told.signals[:, column] -= np.nan_to_num(values[:, place]) / gain
+            own = table.rows(readings, told)
+            signals[:, place] = with_neglected(own, effects, self.period_s)
+        return windows_of(
+            item.run.name,
+            item.unit,
+            values,
+            signals,
+            formed.motion[:, 1],
+            max(1, round(WINDOW_S / self.period_s)),
+        )
+
+    def sharing(self) -> Sequence[tuple[int, int]]:
+        """Pairs of relations that read a sensor in common, the later one first."""
+        needs = [set(self.effects().residuals.named[name].needs) for name in self.relations]
+        count = range(len(needs))
+        return [(later, k) for later in count for k in range(later) if needs[later] & needs[k]]

@@ -1,0 +1,85 @@
+"""The law of healthy recordings in words: unsound recordings, terms, and sizes that show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.run_law.run_law import RunLaw, VisibleSize
+from flea_diag.core.run_law.unsound_runs import FAULT, MANY, NOISE, UnsoundRun
+
+DO = "leave it out, or record it again once that is explained"
+
+
+def reason_of(found: UnsoundRun, relations: RelationSet) -> str:
+    """Why a recording is not as the others, with the size of the claim and what to do."""
+    if found.kind == NOISE:
+        return (
+            f"{found.what} is {found.size:.2g} times as noisy as in the other recordings: a channel "
+            "of it is bad there; the law does without it in this recording"
+        )
+    unit = relations.base_units.get(found.what, "")
+    size = f"{found.size:+.3g} {unit}".strip()
+    usual = f"{found.usual:.2g} {unit}".strip()
+    where = _where(found, relations)
+    if found.kind == MANY:
+        what = f"several parameters are those of another unit, {found.what} most of all: {size}"
+    elif found.kind == FAULT:
+        what = f"it shows {found.what} from its start: {size}"
+    else:
+        what = f"{found.what} is off by {size}"
+    return f"{what} in {where}, where the others scatter by {usual}; {DO}"
+
+
+def _where(found: UnsoundRun, relations: RelationSet) -> str:
+    """Relations that a claim rests on."""
+    named = [row.name for row in relations.relations if found.what.startswith(row.name)]
+    held = [row.name for row in relations.relations if found.what in _symbols(row.expression)]
+    return ", ".join(named or held) or "all relations together"
+
+
+def _symbols(expression: object) -> set[str]:
+    from flea_diag.core.symbolic.expression import Expression, symbols
+
+    assert isinstance(expression, Expression)
+    return set(symbols(expression))
+
+
+def words(law: RunLaw, relations: RelationSet) -> Iterator[str]:
+    """The law for a report: its terms, its score, and what it and the limits can see."""
+    of = f"learned from {law.units} units" if law.units else "by the tolerances of the description"
+    yield f"law of {law.recordings} healthy recordings; what units differ by: {of}"
+    yield "term                                   kind       runs differ by  units      per minute"
+    for term in law.terms:
+        unit = relations.base_units.get(term.name, "")
+        other = f"{term.unit_sigma:.3g}" if term.unit_sigma else "-"
+        drift = law.drift_per_minute(term)
+        yield (
+            f"{term.name:37s}  {term.kind:9s}  {term.run_sigma:<8.3g} {unit:5s}  {other:9s}  "
+            f"{drift:.2g}"
+        )
+    if law.score is not None:
+        yield (
+            f"left out, recordings score {law.score.log_score:.3f} nats a value "
+            f"({law.score.separate:.3f} by noise that holds what they differ by); their standardised "
+            f"means scatter by {law.score.spread:.2f} (1 where the law is right), "
+            f"{law.score.beyond_two:.1%} of {law.score.means} beyond 2"
+        )
+    yield ""
+    yield "size that half of the recordings show"
+    yield "fault                                      from onset  from before  named      by limits"
+    for row in law.visible:
+        label = f"{row.fault}, {row.size}" if not row.fault.endswith(row.size) else row.fault
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        sizes = (_size(row, value) for value in (row.onset, row.before, row.named, row.limits))
+        columns = "  ".join(f"{size:9s}" for size in sizes)
+        alike = f"  not told from {', '.join(row.alike)}" if row.alike else ""
+        yield f"{label:42s} {columns}{unit}{alike}"
+
+
+def _size(row: VisibleSize, size: float) -> str:
+    """A size, or that it is beyond what the catalogue holds."""
+    if not math.isfinite(size):
+        return "no size"
+    return f"{size:.3g}" if size <= row.largest else f">{row.largest:.3g}"
