@@ -1,0 +1,1 @@
+"""Benches of the law of healthy recordings."""

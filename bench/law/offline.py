@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,28 +13,39 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from flea_diag.core.run_law.law_columns import FREE, NEGLECTED
+from flea_diag.core.run_law.law_columns import NEGLECTED
 from flea_diag.core.run_law.run_sums import RunSums
 
 WIDE = 10.0
 """Prior standard deviation of a size, in its standard errors."""
 OTHER_UNIT_K = 5.0
 """How much warmer or colder a part of another unit may be."""
+SMOOTHED = 2
 NOTHING, UNIT = "nothing", "another unit"
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """Log evidence over nothing of another unit and of each fault, and the sizes of the latter."""
+    """Log evidence over nothing of another unit and of each fault, and the sizes of the latter.
+
+    ``with_unit``: of each fault over another unit alone, in another unit.
+    """
 
     unit: float
     faults: dict[str, float]
     sizes: dict[str, Any]
+    with_unit: dict[str, float]
 
     @property
     def best(self) -> tuple[str, float]:
-        """The best fault."""
-        return max(self.faults.items(), key=lambda entry: entry[1])
+        """The best fault, of this unit or of another one."""
+        return max(self.every.items(), key=lambda entry: entry[1])
+
+    @property
+    def every(self) -> dict[str, float]:
+        """Evidence of each fault, of this unit or of another one that has it."""
+        both = {name: self.unit + nats for name, nats in self.with_unit.items()}
+        return {f: float(np.logaddexp(n, both[f])) - math.log(2.0) for f, n in self.faults.items()}
 
     @property
     def over_null(self) -> float:
@@ -43,26 +54,27 @@ class Weighed:
 
     def group(self, within: float = 3.5) -> set[str]:
         """Faults within so many nats of the best."""
-        return {name for name, nats in self.faults.items() if self.best[1] - nats <= within}
+        return {name for name, nats in self.every.items() if self.best[1] - nats <= within}
 
 
-def unit_variance(law: Any, tolerances: dict[str, float]) -> Any:
+def unit_variance(law: Any) -> Any:
     """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts."""
-    found = []
-    for term in law.terms:
-        if term.kind == NEGLECTED:
-            warm = term.name.endswith(": one") and not term.name.startswith("ambient")
-            found.append(OTHER_UNIT_K**2 if warm else term.run_sigma**2)
-        else:
-            found.append(tolerances.get(term.name, 0.0) ** 2 * (term.kind == FREE)
-                         + term.unit_sigma**2)  # fmt: skip
-    return np.array(found)
+    warm = [
+        OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
+        for t in law.terms
+    ]
+    return np.maximum(law.unit_variance, warm)
 
 
 def weighed(
     law: Any, columns: Any, faults: Any, run: Any, unit: Any, onset: int = 0, switched: int = -1
 ) -> Weighed:
     """Evidence from a window on; ``unit``: variances of another unit, ``switched``: its window."""
+    values = run.values.copy()
+    for at in (onset, switched):
+        # What smoothing makes of a step is neither before nor after it.
+        values[max(at, 0) : max(at, 0) + SMOOTHED * (at > 0)] = np.nan
+    run = replace(run, values=values)
     own = columns.of(run)
     later = np.where(np.arange(len(run))[:, None, None] >= onset, own, 0.0)
     before = np.where(np.arange(len(run))[:, None, None] >= switched, own, 0.0)
@@ -73,7 +85,14 @@ def weighed(
     total = np.concatenate((law.run_variance, unit if switched >= 0 else 0.0 * unit))
     sums = RunSums.of(white.bounded(_rough(white, law.mean, total, 2 * count)))
     sums = sums.beside(np.concatenate((law.mean, np.zeros(sums.gram.shape[0] - count))))
-    # Everything that recordings differ by is integrated out of the rest.
+    another, found, sizes = _evidence(sums, total, unit, count, faults)
+    anew = np.concatenate((total[:count] + unit * (onset == 0), total[count:]))
+    _, with_unit, _ = _evidence(sums, anew, unit, count, faults)
+    return Weighed(another, found, sizes, with_unit)
+
+
+def _evidence(sums: Any, total: Any, unit: Any, count: int, faults: Any) -> Any:
+    """Another unit and each fault, with coefficients of these variances integrated out."""
     sigma = np.sqrt(total)
     base = np.s_[: 2 * count]
     inner = np.eye(2 * count) + sigma[:, None] * sums.gram[base, base] * sigma
@@ -87,7 +106,7 @@ def weighed(
     for name in dict.fromkeys(column.fault for column in faults.columns):
         which = [start + k for k, column in enumerate(faults.columns) if column.fault == name]
         found[name], sizes[name] = _best_sizes(gram, cross, which, faults, start)
-    return Weighed(another, found, sizes)
+    return another, found, sizes
 
 
 def _rough(white: Any, mean: Any, total: Any, count: int) -> Any:

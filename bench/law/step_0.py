@@ -1,4 +1,4 @@
-"""One day of proof: does one law of a healthy recording tell what the plan asks of it?
+"""One day of proof: what one law of a healthy recording tells.
 
 python bench/law/step_0.py --switches FOLDER --nominal FOLDER [--json FILE]
 
@@ -37,15 +37,13 @@ from law.recordings import calibrated_on, design_of, imported, kinds, read_fault
 RATE = 0.1
 SIZES = ("jam, coulomb drag", "motor_current_bias", "load_force_bias", "motor_current_scaling")
 COUNTS, ORDERS, SEED = (4, 8, 16, 29), 20, 16
-BIAS_A, BIAS_AT_S, BEGINS_S, EVERY = 0.5, 22.0, 4.0, 2
+BIAS_A, BIAS_AT_S, BEGINS_S, EVERY = 0.5, 22.0, 4.0, 4
 ADOPTED_NATS = 5.0
 
 
 def evidence(design: Any, fit: Any, run: Any, **more: int) -> Any:
     """Weighed hypotheses of one recording by a law."""
-    tolerances = {column.name: column.tolerance for column in design.columns.columns}
-    unit = unit_variance(fit.law, tolerances)
-    return weighed(fit.law, fit.columns, design.faults, run, unit, **more)
+    return weighed(fit.law, fit.columns, design.faults, run, unit_variance(fit.law), **more)
 
 
 def real(folder: Path) -> Iterator[Figure]:
@@ -72,8 +70,8 @@ def real(folder: Path) -> Iterator[Figure]:
     yield share("healthy, left out: alarm", alarms, len(names))
     yield Figure("healthy, left out: largest evidence of a fault", largest, "nats", len(names))
     jams = [evidence(design, every, run) for run in design.windows(faulty["Jam"])]
-    yield share("jam: found and in the group",
-                sum(f.over_null > limit and "jam" in f.group() for f in jams), len(jams))  # fmt: skip
+    right = sum(f.over_null > limit and "jam" in f.group() for f in jams)
+    yield share("jam: found and in the group", right, len(jams))
     least = min(f.over_null for f in jams)
     yield Figure("jam: smallest evidence", least, "nats", len(jams))
     spalls = [evidence(design, every, run) for run in design.windows(faulty["Spall"])]
@@ -118,7 +116,11 @@ def switched(switches: Path, nominal: Path) -> Iterator[Figure]:
     """Part (d)."""
     calibration = shipped()
     design = design_of(calibration)
-    healthy = design.windows(read_faulty(sorted(nominal.iterdir())))
+    recordings = [
+        replace(recording, serial=recording.run.name.rpartition("_")[2])
+        for recording in read_faulty(sorted(nominal.iterdir()))
+    ]
+    healthy = design.windows(recordings)
     fit = design.learned(healthy)
     print("simulated:", fit.law.score, fit.unsound)
     limit = limit_nats(RATE, len(design.faults))

@@ -39,7 +39,7 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
     AmbiguityGroup: (
         "seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters", "summary",
         "dropped_count", "not_observable_count", "stated_false_alarms_per_hour",
-        "supported_false_alarms_per_hour", "to_do",
+        "supported_false_alarms_per_hour", "to_do", "shows_from",
     ),
 }  # fmt: skip
 """Decisions in the rank of their topics -> fields that are not part of the decision."""

@@ -306,6 +306,7 @@ class Hypotheses:
     source: str
     not_observable: tuple[tuple[str, str], ...] = ()
     next_tests: tuple[NextTest, ...] = ()
+    shows_from: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -320,8 +321,10 @@ class AmbiguityGroup:
     ``offsets`` are the unit offsets of the observer, from which a restarted observer resumes;
     ``stated_false_alarms_per_hour`` is the rate that the limits were set for and
     ``supported_false_alarms_per_hour`` the bound that the nominal recordings give;
-    ``counters`` are the data errors so far, such as ``sensors/slow/lost``. A ``summary`` names all
-    members, gives the reason for the first of them, and counts what ``Hypotheses`` hold besides.
+    ``counters`` are the data errors so far, such as ``sensors/slow/lost``; ``shows_from`` is, for
+    each fault, the size from which on half of the calibration's recordings would show it. A
+    ``summary`` names all members, gives the reason for the first of them, and counts what
+    ``Hypotheses`` hold besides.
     ``to_do`` is what people do about the members, by the catalogue: ``run`` (stop or go on),
     ``urgency`` (now, soon or planned), ``name``, ``part``, ``procedure``, ``next_test``.
     """
@@ -351,6 +354,7 @@ class AmbiguityGroup:
     stated_false_alarms_per_hour: float = math.nan
     supported_false_alarms_per_hour: float = math.nan
     to_do: tuple[tuple[str, str], ...] = ()
+    shows_from: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -372,6 +376,7 @@ class AmbiguityGroup:
             words=hypotheses.words if self.members else self.words,
             not_observable=hypotheses.not_observable,
             next_tests=hypotheses.next_tests,
+            shows_from=hypotheses.shows_from,
             summary=False,
             dropped_count=0,
             not_observable_count=0,

@@ -16,6 +16,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.isolation.isolation import JUMP_MODES, OWN_TESTS
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.run_law.run_law import VisibleSize
 
 CONSTANT = "one"
 
@@ -61,6 +62,23 @@ def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
     for shift in calibration.mean_shifts:
         found[shift.name] = min(found.get(shift.name, shift.k * shift.sigma), shift.k * shift.sigma)
     return found
+
+
+def unseen_by_limits(visible: Sequence[VisibleSize]) -> tuple[str, ...]:
+    """Faults of which no size within the catalogue reaches a limit."""
+    rows = [row for row in visible if row.limits <= row.largest]
+    seen = {row.fault for row in rows}
+    return tuple(dict.fromkeys(row.fault for row in visible if row.fault not in seen))
+
+
+def shows_from(visible: Sequence[VisibleSize]) -> tuple[tuple[str, str], ...]:
+    """Fault and the sizes from which on half of the calibration's recordings would show it."""
+    found: dict[str, list[str]] = {}
+    for row in visible:
+        if row.limits <= row.largest:
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            found.setdefault(row.fault, []).append(f"{row.size} {row.limits:.3g}{unit}")
+    return tuple((fault, " or ".join(sizes)) for fault, sizes in found.items())
 
 
 def tested_alone(fault: Fault, sensors: SensorSymptoms) -> bool:

@@ -2,8 +2,9 @@
 
 Of three kinds: parameters of the *unit*; what is *free* in each run, such as the zeros of sensors
 and how warm a part was before; and what the relations *neglect*: friction that grows with the
-load, a rest of the direction, the rate of the current. A signal whose coefficient in a relation
-holds no parameter is the one that the relation is trusted by: were it a column, zero would fit.
+load, a rest of the direction, the rate of the current, zero and gain of two readings of one. A
+signal whose coefficient in a balance holds no parameter is the one that the balance is trusted by:
+were it a column, zero would fit.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ def _neglected(effects: EffectSet) -> Iterator[Term]:
     circuit = effects.residuals.circuit
     for row in effects.relations.relations:
         signals = [CURRENT_RATE] if row.name == circuit else []
-        for signal in (*signals, *_loads(row, effects)):
+        for signal in (*signals, *_loads(row, effects), *_of_pair(row, effects)):
             yield _own(row.name, signal)
     for name in effects.residuals.predictions:
         yield _own(name, ONE)
@@ -161,6 +162,13 @@ def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
             yield load
     if DIRECTION in effects.names and DIRECTION not in row.signals:
         yield DIRECTION
+
+
+def _of_pair(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
+    """Zero and gain of one reading against the other, where they are no term of the difference."""
+    if row.kind == "difference":
+        yield ONE
+        yield from (name for name in row.pair[1:] if name in effects.names)
 
 
 def _trusted(row: CompiledRelation, signal: str, effects: EffectSet) -> bool:

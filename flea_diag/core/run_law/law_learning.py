@@ -14,26 +14,32 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.fault_columns import FaultColumns
-from flea_diag.core.run_law.law_columns import NEGLECTED, UNIT, LawColumns
-from flea_diag.core.run_law.law_noise import LawNoise, WhiteRun, calibrated, learned_noise
+from flea_diag.core.run_law.law_columns import NEGLECTED, LawColumns
+from flea_diag.core.run_law.law_noise import (
+    TOGETHER,
+    LawNoise,
+    WhiteRun,
+    calibrated,
+    learned_noise,
+)
 from flea_diag.core.run_law.law_score import law_score
-from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread, fitted
+from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.time_constant import time_constant_s
-from flea_diag.core.run_law.unsound_runs import Candidates, UnsoundRun, sound_runs
+from flea_diag.core.run_law.unsound_runs import Candidates, Judged, UnsoundRun, sound_runs
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 NEGLECTED_SHARE = 0.3
 """Prior of what a neglected term adds, in standard deviations of the noise of a window."""
 MEAN_TOLERANCES = 3.0
 """Prior of what a parameter of this unit differs by from the calibrated one."""
 ROUNDS = 3
-LEAST_UNITS = 5
-"""Units from which on what units differ by is learned."""
-
+STEP = "law of healthy recordings"
+Flags = npt.NDArray[np.bool_]
 Progress = Callable[[int, int, str], None]
 
 
@@ -52,15 +58,6 @@ class LawFit:
     sound: tuple[RunWindows, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Prior:
-    """Variances of what recordings and their mean differ by, in scaled units; the scale."""
-
-    scale: Array
-    run: Array
-    mean: Array
-
-
 def learn_law(
     runs: Sequence[RunWindows],
     columns: LawColumns,
@@ -75,52 +72,136 @@ def learn_law(
     sharing
         Pairs of relations that read a sensor in common, the later one first.
     """
-    sigma = _rough_sigma(runs)
-    columns = columns.some(_acting(runs, columns))
-    prior = _prior(runs, columns, sigma)
-    groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
-    noise = learned_noise([run.values for run in runs], [run.turning for run in runs], ())
-    sound = np.ones(len(runs), dtype=bool)
-    kept: list[WhiteRun] = []
-    noisy: tuple[UnsoundRun, ...] = ()
-    for number in range(ROUNDS + 1):
-        progress(number, ROUNDS + 1, "law of healthy recordings")
-        kept = [
-            noise.whitened(
-                run, np.concatenate((columns.of(run) * prior.scale, faults.of(run)), axis=-1)
-            )
-            for run in runs
-        ]
-        found = _candidates(kept, columns, faults, prior, groups)
-        sums = found.own
-        judged = sound_runs(found)
-        sound, spread = judged.sound, judged.spread
-        if number < ROUNDS:
-            noisy += judged.noisy
-            runs = _without(runs, judged.noisy, columns.relations)
-            noise = _noise(runs, columns, prior, spread, sums, sound, sharing)
+    learning = _Learning(runs, columns, faults, sharing)
+    for number in range(ROUNDS):
+        progress(number + 1, ROUNDS + 1, STEP)
+        learning.judge()
+        learning.learn_noise()
+    progress(ROUNDS + 1, ROUNDS + 1, STEP)
+    judged = learning.judge()
+    which = np.flatnonzero(judged.sound).tolist()
+    sound = tuple(learning.runs[k] for k in which)
     return LawFit(
-        replace(
-            _law(runs, columns, prior, noise, spread, sums, sound, groups),
-            feigned=_feigned(faults, judged.feigned),
-        ),
-        judged.unsound,
-        noisy,
-        columns,
-        tuple(runs[k] for k in np.flatnonzero(sound).tolist()),
+        _law(learning, judged), judged.unsound, tuple(learning.noisy), learning.columns, sound
     )
 
 
-def _without(
-    runs: Sequence[RunWindows], noisy: Sequence[UnsoundRun], relations: tuple[str, ...]
-) -> list[RunWindows]:
-    """The recordings without these relations of some of them."""
-    made = list(runs)
-    for found in noisy:
-        values = made[found.place].values.copy()
-        values[:, relations.index(found.what)] = np.nan
-        made[found.place] = replace(made[found.place], values=values)
-    return made
+class _Learning:
+    """Noise, levels and sound recordings as they are so far; coefficients in prior deviations."""
+
+    def __init__(
+        self, runs: Sequence[RunWindows], columns: LawColumns, faults: FaultColumns,
+        sharing: Sequence[tuple[int, int]],
+    ) -> None:  # fmt: skip
+        self.runs, self.faults, self._sharing = list(runs), faults, sharing
+        self.columns = columns.some(_acting(runs, columns))
+        self.scale = _scale(runs, self.columns)
+        self.groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
+        self.noise = learned_noise([r.values for r in runs], [r.turning for r in runs], ())
+        self.noisy: list[UnsoundRun] = []
+        self._judged: Judged | None = None
+        self.sums: RunSums
+
+    def judge(self) -> Judged:
+        """Judge all recordings by the noise as it is; leave out relations that are too noisy."""
+        found = self._candidates()
+        self.sums, self._judged = found.own, sound_runs(found)
+        for noisy in self._judged.noisy:
+            values = self.runs[noisy.place].values.copy()
+            values[:, self.columns.relations.index(noisy.what)] = np.nan
+            self.runs[noisy.place] = replace(self.runs[noisy.place], values=values)
+        self.noisy += self._judged.noisy
+        return self._judged
+
+    def of(self, k: int) -> Array:
+        """Columns of a recording, scaled."""
+        return self.columns.of(self.runs[k]) * self.scale
+
+    def learn_noise(self) -> None:
+        """Noise of what sound recordings leave beside their coefficients."""
+        assert self._judged is not None
+        which = np.flatnonzero(self._judged.sound).tolist()
+        laws = {unit: self._judged.levels.of_unit(unit) for unit in np.unique(self.groups).tolist()}
+        own, freedom = [], 0.0
+        for k in which:
+            law = laws[int(self.groups[k])]
+            apart, kept = law.posterior(self.sums[k])
+            own.append(law.mean + apart)
+            freedom += float(np.einsum("ij,ji->", kept, self.sums.gram[k]))
+        left = [self.runs[k].values - self.of(k) @ c for k, c in zip(which, own, strict=True)]
+        turning = [self.runs[k].turning for k in which]
+        noise = learned_noise(left, turning, self._sharing)
+        white = noise.whitened_all([self.runs[k] for k in which], [self.of(k) for k in which])
+        e = [w.left(c) for w, c in zip(white, own, strict=True)]
+        share = np.array([w.known.sum(axis=0) for w in white], dtype=float).sum(axis=0)
+        unknowns = freedom * share / max(share.sum(), 1.0)
+        self.noise = calibrated(noise, e, [w.known for w in white], turning, unknowns)
+
+    def _candidates(self) -> Candidates:
+        """Sums of recordings, far-out windows counting less, and what each leaves."""
+        sums, squares, counts = [], [], []
+        for start in range(0, len(self.runs), TOGETHER):
+            some = range(start, min(start + TOGETHER, len(self.runs)))
+            both = [np.concatenate((self.of(k), self.faults.of(self.runs[k])), -1) for k in some]
+            for white in self.noise.whitened_all([self.runs[k] for k in some], both):
+                own, fit = self._bounded(white)
+                sums.append(RunSums.of(own))
+                squares.append(np.square(own.left(fit)).sum(axis=0))
+                counts.append(white.known.sum(axis=0))
+        values = np.array(counts, dtype=float)
+        one = np.ones(len(self.columns))
+        return Candidates(
+            RunSums.stacked(sums), np.array(squares) / np.maximum(values, 1.0), values,
+            self.columns.columns, self.faults.columns, self.columns.relations, self.scale,
+            one, one, MEAN_TOLERANCES**2 * one, self.groups, self._least_sizes(),
+        )  # fmt: skip
+
+    def _least_sizes(self) -> Array:
+        """Sizes of columns and faults that move a relation as much as healthy units differ in it.
+
+        Shape (columns and faults,); columns in prior deviations.
+        """
+        stated = np.array([c.kind != NEGLECTED for c in self.columns.columns], dtype=float)
+        healthy, moved = [], []
+        for k, run in enumerate(self.runs):
+            known = np.isfinite(run.values)[..., None]
+            own = np.square(self.of(k)) * known
+            healthy.append((own * stated).sum(axis=-1).mean(axis=0))
+            moved.append((np.square(self.faults.of(run)) * known).mean(axis=0))
+        share = np.sqrt(
+            np.mean(moved, axis=0) / np.maximum(np.mean(healthy, axis=0), 1e-300)[:, None]
+        )
+        return np.concatenate((stated, 1.0 / np.maximum(share.max(axis=0), 1e-300)))
+
+    def _bounded(self, white: WhiteRun) -> tuple[WhiteRun, Array]:
+        """The recording with far-out windows counting less, and the coefficients beside which."""
+        count, fit = len(self.columns), np.zeros(white.rows.shape[-1] - 1)
+        prior, own = np.eye(count) / MEAN_TOLERANCES**2, white
+        for _ in range(2):
+            rough = RunSums.of(own).first(count)
+            fit[:count] = np.linalg.solve(rough.gram + prior, rough.cross)
+            own = white.bounded(fit)
+        return own, fit
+
+
+def _acting(runs: Sequence[RunWindows], columns: LawColumns) -> list[int]:
+    """Columns that move a residual which some recording has."""
+    acts = np.zeros(len(columns), dtype=bool)
+    for run in runs:
+        known = np.isfinite(run.values)[..., None]
+        acts |= (np.abs(columns.of(run)) * known).max(axis=(0, 1)) > 0.0
+    return np.flatnonzero(acts).tolist()
+
+
+def _scale(runs: Sequence[RunWindows], columns: LawColumns) -> Array:
+    """Prior standard deviation of each column: its tolerance, or a share of the noise."""
+    sigma = _rough_sigma(runs)
+    squares = np.mean([np.square(columns.of(run)).mean(axis=0) for run in runs], axis=0)
+    reach = (np.sqrt(squares) / sigma[:, None]).max(axis=0)
+    return np.array([
+        NEGLECTED_SHARE / r if c.kind == NEGLECTED else c.tolerance
+        for c, r in zip(columns.columns, reach, strict=True)
+    ])  # fmt: skip
 
 
 def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
@@ -134,93 +215,32 @@ def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
     return np.array(sigmas)
 
 
-def _acting(runs: Sequence[RunWindows], columns: LawColumns) -> list[int]:
-    """Columns that move a residual which some recording has."""
-    acts = np.zeros(len(columns), dtype=bool)
-    for run in runs:
-        known = np.isfinite(run.values)[..., None]
-        acts |= (np.abs(columns.of(run)) * known).max(axis=(0, 1)) > 0.0
-    return np.flatnonzero(acts).tolist()
-
-
-def _prior(runs: Sequence[RunWindows], columns: LawColumns, sigma: Array) -> _Prior:
-    squares = np.mean([np.square(columns.of(run)).mean(axis=0) for run in runs], axis=0)
-    reach = (np.sqrt(squares) / sigma[:, None]).max(axis=0)
-    scale = np.array([
-        NEGLECTED_SHARE / r if c.kind == NEGLECTED else c.tolerance
-        for c, r in zip(columns.columns, reach, strict=True)
-    ])  # fmt: skip
-    return _Prior(scale, np.ones(len(columns)), np.full(len(columns), MEAN_TOLERANCES**2))
-
-
-def _candidates(
-    white: Sequence[WhiteRun], columns: LawColumns, faults: FaultColumns, prior: _Prior,
-    groups: Array,
-) -> Candidates:  # fmt: skip
-    """Sums of recordings, far-out windows counting less, and what each leaves beside its own."""
-    sums, squares = [], []
-    for run in white:
-        own = run
-        for _ in range(2):
-            rough = RunSums.of(own).first(len(columns))
-            mean = np.linalg.solve(rough.gram + np.diag(1.0 / prior.mean), rough.cross)
-            fit = np.concatenate((mean, np.zeros(len(faults))))
-            own = run.bounded(fit)
-        sums.append(RunSums.of(own))
-        squares.append(np.square(own.left(fit)).sum(axis=0))
-    counts = np.array([run.known.sum(axis=0) for run in white], dtype=float)
-    misfit = np.array(squares) / np.maximum(counts, 1.0)
-    return Candidates(
-        RunSums.stacked(sums), misfit, counts, columns.columns, faults.columns, columns.relations,
-        prior.scale, prior.run, prior.mean, groups,
-    )  # fmt: skip
-
-
-def _noise(
-    runs: Sequence[RunWindows], columns: LawColumns, prior: _Prior, spread: Spread, sums: RunSums,
-    sound: npt.NDArray[np.bool_], sharing: Sequence[tuple[int, int]],
-) -> LawNoise:  # fmt: skip
-    """Noise of what sound recordings leave beside their coefficients."""
-    apart, kept = spread.posterior(sums)
-    which = np.flatnonzero(sound).tolist()
-    left = [
-        runs[k].values - columns.of(runs[k]) @ (prior.scale * (spread.mean + apart[k]))
-        for k in which
-    ]
-    turning = [runs[k].turning for k in which]
-    noise = learned_noise(left, turning, sharing)
-    white = [noise.whitened(runs[k], columns.of(runs[k]) * prior.scale) for k in which]
-    e = [w.left(spread.mean + apart[k]) for w, k in zip(white, which, strict=True)]
-    freedom = float(np.einsum("kij,kji->k", kept, sums.gram)[which].sum())
-    share = np.array([w.known.sum(axis=0) for w in white], dtype=float).sum(axis=0)
-    unknowns = freedom * share / max(share.sum(), 1.0)
-    return calibrated(noise, e, [w.known for w in white], turning, unknowns)
-
-
-def _law(
-    runs: Sequence[RunWindows], columns: LawColumns, prior: _Prior, noise: LawNoise,
-    spread: Spread, sums: RunSums, sound: npt.NDArray[np.bool_], groups: Array,
-) -> RunLaw:  # fmt: skip
-    which = np.flatnonzero(sound)
-    count = len(which)
+def _law(of: _Learning, judged: Judged) -> RunLaw:
+    """The law in SI units."""
+    levels, which = judged.levels, np.flatnonzero(judged.sound).tolist()
     # A variance that is known from few recordings: the predictive distribution is wider.
-    freedom = PRIOR_RUNS + count - 1.0
-    wider = freedom / max(freedom - 2.0, 1.0)
-    spread = Spread(spread.mean, spread.variance * wider, spread.covariance)
-    units, unit_variance, spread = _units(sums[which], groups[which], spread, prior, columns)
+    freedom = PRIOR_RUNS + len(which) - 1.0
+    variance = levels.variance * freedom / max(freedom - 2.0, 1.0)
+    units = levels.units
+    one = levels.of_unit(units[0])
+    mean, covariance = (one.mean, one.covariance) if len(units) == 1 else levels.design()
+    deviations = np.sqrt([variance, levels.unit_variance]) * of.scale
     terms = tuple(
-        LawTerm(c.name, c.kind, float(m * z), float(np.sqrt(v) * z), float(np.sqrt(u) * z),
-                c.relation)
-        for c, m, v, u, z in zip(columns.columns, spread.mean, spread.variance, unit_variance,
-                                 prior.scale, strict=True)
+        LawTerm(c.name, c.kind, float(m * z), float(run), float(unit), c.relation)
+        for c, m, z, run, unit in zip(of.columns.columns, mean, of.scale, *deviations, strict=True)
+    )
+    scaled = covariance * of.scale[:, None] * of.scale
+    lower = tuple(tuple(map(float, row[: k + 1])) for k, row in enumerate(scaled))
+    chosen = [of.runs[k] for k in which]
+    columns = [of.of(k) for k in which]
+    laws = [levels.of_unit(int(of.groups[k]), number) for number, k in enumerate(which)]
+    score = law_score(chosen, columns, of.noise, of.sums[np.array(which)], laws)
+    own = [Spread(law.mean, variance, law.covariance) for law in laws]
+    tau_s = time_constant_s(chosen, columns, of.noise, own)
+    return RunLaw(
+        terms, _noise_rows(of.columns, of.noise), lower, len(which), len(units), tau_s, score,
+        _feigned(of.faults, judged.feigned),
     )  # fmt: skip
-    covariance = spread.covariance * prior.scale[:, None] * prior.scale
-    lower = tuple(tuple(map(float, row[: k + 1])) for k, row in enumerate(covariance))
-    chosen = [runs[k] for k in which.tolist()]
-    scaled = [columns.of(run) * prior.scale for run in chosen]
-    score = law_score(chosen, scaled, noise, sums[which], spread, prior.mean)
-    tau_s = time_constant_s(chosen, scaled, noise, spread)
-    return RunLaw(terms, _noise_rows(columns, noise), lower, count, units, tau_s, score)
 
 
 def _feigned(faults: FaultColumns, found: tuple[Array, Array]) -> tuple[FeignedSize, ...]:
@@ -228,28 +248,6 @@ def _feigned(faults: FaultColumns, found: tuple[Array, Array]) -> tuple[FeignedS
         FeignedSize(column.fault, column.size, float(mean), float(np.sqrt(variance)))
         for column, mean, variance in zip(faults.columns, *found, strict=True)
     )
-
-
-def _units(
-    sums: RunSums, groups: Array, spread: Spread, prior: _Prior, columns: LawColumns
-) -> tuple[int, Array, Spread]:
-    """Units that were learned from, variances between units, and the spread about their mean.
-
-    With fewer than ``LEAST_UNITS`` the variances are those of the tolerances.
-    """
-    stated = np.array([c.kind == UNIT for c in columns.columns], dtype=float)
-    members = [np.flatnonzero(groups == unit) for unit in np.unique(groups)]
-    if len(members) < LEAST_UNITS:
-        return 0, stated, spread
-    freed = sums.freed(spread.variance)
-    of_units = RunSums.stacked(
-        RunSums(*(getattr(freed, name)[w].sum(axis=0) for name in RunSums.__dataclass_fields__))
-        for w in members
-    )
-    least = np.maximum(stated, 1e-8)
-    between = fitted(of_units, least, prior.mean)
-    mean = Spread(between.mean, spread.variance, between.covariance)
-    return len(members), between.variance * stated, mean
 
 
 def _noise_rows(columns: LawColumns, noise: LawNoise) -> tuple[RelationNoise, ...]:

@@ -27,6 +27,8 @@ SHARED = 0.05
 """Correlation between two relations below which none is taken into account."""
 LOUDER = 1.1
 """Factor of the noise at reversals below which it is taken as 1."""
+TOGETHER = 50
+"""Recordings that are whitened side by side: memory is bounded by them."""
 LEAST_WINDOWS = 50
 """Fewer tell neither a correlation nor a factor."""
 
@@ -84,18 +86,42 @@ class LawNoise:
 
     def whitened(self, run: RunWindows, columns: Array) -> WhiteRun:
         """White residuals and columns of a recording; columns: (windows, relations, n)."""
-        known = np.isfinite(run.values)
-        values = np.where(known, run.values, 0.0)
-        both = self.unshared(np.concatenate((values[..., None], columns), axis=-1), known)
+        return self.whitened_all([run], [columns])[0]
+
+    def whitened_all(self, runs: Sequence[RunWindows], columns: Sequence[Array]) -> list[WhiteRun]:
+        """The same of many recordings side by side: the filter is the same, window by window."""
+        made = []
+        for start in range(0, len(runs), TOGETHER):
+            some = slice(start, start + TOGETHER)
+            made += self._together(runs[some], columns[some])
+        return made
+
+    def _together(self, runs: Sequence[RunWindows], columns: Sequence[Array]) -> list[WhiteRun]:
+        longest = max(map(len, runs))
+        count = len(self.white)
+        known = np.zeros((longest, len(runs), count), dtype=bool)
+        both = np.zeros((*known.shape, 1 + columns[0].shape[-1]))
+        for k, (run, x) in enumerate(zip(runs, columns, strict=True)):
+            known[: len(run), k] = np.isfinite(run.values)
+            values = np.nan_to_num(run.values)[..., None]
+            whole = np.concatenate((values, x), axis=-1)
+            both[: len(run), k] = self.unshared(whole, known[: len(run), k])
         gains, signals = GainSequence(self.levels()), WhiteSignals(both.shape[1:])
-        loud = np.where(run.turning[:, None], self.turning, 1.0)
-        white, scales = np.zeros_like(both), np.ones(known.shape)
+        scales = np.ones(known.shape)
         for number, row in enumerate(both):
             gain = gains.step(known[number])
-            white[number] = signals.step(row, gain)
-            scales[number] = gain.scale[:, 0]
-        scales = np.where(known, scales / loud, 1.0)
-        return WhiteRun(white / loud[..., None], known, float(np.log(scales).sum()))
+            both[number] = signals.step(row, gain)
+            scales[number] = np.where(known[number], gain.scale[..., 0], 1.0)
+        return [
+            self._of_one(run, both[: len(run), k], known[: len(run), k], scales[: len(run), k])
+            for k, run in enumerate(runs)
+        ]
+
+    def _of_one(self, run: RunWindows, white: Array, known: Flags, scales: Array) -> WhiteRun:
+        """Windows with a reversal may be louder."""
+        loud = np.where(run.turning[:, None], self.turning, 1.0)
+        log_scale = np.log(np.where(known, scales / loud, 1.0)).sum()
+        return WhiteRun(white / loud[..., None], known, float(log_scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +177,7 @@ def calibrated(
     noise: LawNoise, left: Sequence[Array], known: Sequence[Flags], turning: Sequence[Flags],
     unknowns: Array,
 ) -> LawNoise:  # fmt: skip
-    """The same noise, so that what is left in white has a mean square of 1 where nothing is far out.
+    """The same noise, so that what is left in white has a mean square of 1 but for what is far out.
 
     Parameters
     ----------

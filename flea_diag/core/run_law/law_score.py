@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.law_noise import LawNoise
-from flea_diag.core.run_law.restricted_likelihood import Spread, without_each
+from flea_diag.core.run_law.restricted_likelihood import Spread
 from flea_diag.core.run_law.run_law import LawScore
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import RunWindows
@@ -22,12 +22,11 @@ LEAST_VALUES = 10
 
 def law_score(
     runs: Sequence[RunWindows], columns: Sequence[Array], noise: LawNoise, sums: RunSums,
-    spread: Spread, mean_prior: Array,
+    apart: Sequence[Spread],
 ) -> LawScore | None:  # fmt: skip
-    """Score over recordings, each by the spread without it; None of fewer than three."""
+    """Score over recordings, each by the spread ``apart`` from it; None of fewer than three."""
     if len(runs) < 3:
         return None
-    apart = without_each(sums, spread, mean_prior)
     logs = sum(float(law.log_density(sums[k])) for k, law in enumerate(apart))
     count = float(sums.count.sum())
     means = np.concatenate([

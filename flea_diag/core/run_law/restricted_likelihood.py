@@ -20,6 +20,7 @@ import numpy.typing as npt
 from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 STEPS = 40
 """Steps of EM: the log likelihood of the FLEA's recordings then changes by less than 0.01."""
@@ -47,9 +48,8 @@ class Spread:
         root = np.linalg.cholesky(total + 1e-12 * np.diag(np.diag(total)))
         inner = np.eye(len(root)) + root.T @ beside.gram @ root
         pulled = np.matmul(beside.cross, root)
-        explained = np.einsum(
-            "...i,...i->...", pulled, np.linalg.solve(inner, pulled[..., None])[..., 0]
-        )
+        solved = np.linalg.solve(inner, pulled[..., None])[..., 0]
+        explained = (pulled * solved).sum(axis=-1)
         log_det = np.linalg.slogdet(inner)[1]
         return np.asarray(sums.log_scale - 0.5 * (beside.square - explained + log_det))
 
@@ -61,34 +61,21 @@ def mean_of(sums: RunSums, variance: Array, prior: Array) -> tuple[Array, Array]
     return covariance @ freed.cross.sum(axis=0), covariance
 
 
-def fitted(
-    sums: RunSums,
-    variance: Array,
-    mean_prior: Array,
-    groups: Array | None = None,
-    steps: int = STEPS,
-    start: Array | None = None,
-) -> Spread:
-    """Spread of recordings; ``variance`` is A^2, shape (columns,).
+def run_variance(
+    sums: RunSums, scale: Array, mean_prior: Array, groups: Places, steps: int = STEPS
+) -> Array:
+    """Variances between recordings of one unit, shape (columns,); ``scale`` is A^2.
 
-    Parameters
-    ----------
-    groups
-        Unit of each recording, shape (recordings,): each has a mean of its own, and the mean that
-        is returned is that of the first. None: all are of one unit.
-    start
-        Variances to start from.
+    ``groups`` is the unit of each recording, shape (recordings,): each has a mean of its own.
     """
-    found = variance.copy() if start is None else start.copy()
-    groups = np.zeros(len(sums), dtype=int) if groups is None else groups
+    found = scale.copy()
     members = [np.flatnonzero(groups == unit) for unit in np.unique(groups)]
     for _ in range(steps):
-        total = 2.0 * variance * found / (variance + found)
+        total = 2.0 * scale * found / (scale + found)
         for which in members:
             total = total + _squares(sums[which], found, mean_prior)
         found = total / (PRIOR_RUNS + len(sums))
-    mean, covariance = mean_of(sums[members[0]], found, mean_prior)
-    return Spread(mean, found, covariance)
+    return np.asarray(found)
 
 
 def _squares(sums: RunSums, variance: Array, mean_prior: Array) -> Array:
@@ -100,22 +87,3 @@ def _squares(sums: RunSums, variance: Array, mean_prior: Array) -> Array:
     of_mean = np.einsum("kij,jl,kil->i", pull, covariance, pull)
     own = np.einsum("kii->i", kept)
     return np.asarray(np.square(apart).sum(axis=0) + own + of_mean)
-
-
-def without_each(sums: RunSums, spread: Spread, mean_prior: Array) -> list[Spread]:
-    """The spread without each recording in turn, in closed form.
-
-    Its own share is taken off the sums for mean and variance.
-    """
-    freed = sums.freed(spread.variance)
-    information = np.diag(1.0 / mean_prior) + freed.gram.sum(axis=0)
-    vector = freed.cross.sum(axis=0)
-    apart, kept = spread.posterior(sums)
-    own = np.square(apart) + np.einsum("kii->ki", kept)
-    count = PRIOR_RUNS + len(sums)
-    made = []
-    for k in range(len(sums)):
-        covariance = np.linalg.inv(information - freed.gram[k])
-        variance = np.maximum(count * spread.variance - own[k], 0.0) / (count - 1.0)
-        made.append(Spread(covariance @ (vector - freed.cross[k]), variance, covariance))
-    return made

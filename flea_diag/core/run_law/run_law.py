@@ -60,7 +60,7 @@ class RelationNoise(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class FeignedSize(Frozen):
-    """Size of a fault that healthy recordings show: a signal that carries the noise of its relation.
+    """Size of a fault that healthy recordings feign, on average.
 
     ``sigma`` is by how much it scatters beyond what the noise of a recording explains.
     """
@@ -131,7 +131,8 @@ class RunLaw(Frozen):
     mean_covariance
         Of the means of the terms, lower triangle by rows, in SI units.
     units
-        Units that ``unit_sigma`` was learned from; 0: it is the description's tolerance.
+        Of the recordings. With fewer than ``LEAST_UNITS`` the ``unit_sigma`` of a term is the
+        description's tolerance.
     time_constant_s
         Of what moves within a recording; the longest that is told from a constant.
     """
@@ -186,8 +187,9 @@ class RunLaw(Frozen):
         return np.asarray(lower + np.tril(lower, -1).T)
 
     def spread(self, another_unit: bool = False) -> Spread:
-        """What a recording differs by, of the unit that was recorded or of another one."""
-        variance = self.run_variance + (self.unit_variance if another_unit else 0.0)
+        """What a recording differs by, of the one unit that was recorded or of another one."""
+        other = another_unit or self.units > 1
+        variance = self.run_variance + (self.unit_variance if other else 0.0)
         return Spread(self.mean, variance, self.covariance)
 
     def drift_per_minute(self, term: LawTerm) -> float:
@@ -196,7 +198,7 @@ class RunLaw(Frozen):
         return term.run_sigma * math.sqrt(2.0 * share)
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain mapping; a size that no recording shows is left out, and digits that say nothing."""
+        """Plain mapping, without sizes that no recording shows and digits that say nothing."""
         return {entry.name: _plain(getattr(self, entry.name)) for entry in fields(self)}
 
     def contradictions(self) -> list[str]:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from flea_diag.core.run_law.law_noise import WhiteRun
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +65,15 @@ class RunSums:
     def __len__(self) -> int:
         return len(self.gram)
 
-    def __getitem__(self, which: object) -> RunSums:
+    def __getitem__(self, which: int | Places) -> RunSums:
         fields = (self.gram, self.cross, self.square, self.count, self.log_scale)
-        return RunSums(*(entry[which] for entry in fields))  # type: ignore[index]
+        return RunSums(*(np.asarray(entry[which]) for entry in fields))
+
+    @property
+    def total(self) -> RunSums:
+        """The sum of several, as of one long recording."""
+        fields = (self.gram, self.cross, self.square, self.count, self.log_scale)
+        return RunSums(*(entry.sum(axis=0) for entry in fields))
 
     def first(self, columns: int) -> RunSums:
         """The same of the first columns alone."""

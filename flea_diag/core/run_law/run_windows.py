@@ -52,8 +52,8 @@ class RunWindows:
 
     def part(self, windows: slice) -> RunWindows:
         """Some of the windows, as a recording of its own."""
-        cut = (entry[windows] for entry in (self.values, self.signals, self.turning))
-        return RunWindows(self.name, self.unit, *cut)
+        values, signals = self.values[windows], self.signals[windows]
+        return RunWindows(self.name, self.unit, values, signals, self.turning[windows])
 
 
 def signal_names(effects: EffectSet) -> tuple[str, ...]:

@@ -29,15 +29,20 @@ MOST_RUNS = 100
 
 
 def time_constant_s(
-    runs: Sequence[RunWindows], columns: Sequence[Array], noise: LawNoise, spread: Spread
+    runs: Sequence[RunWindows],
+    columns: Sequence[Array],
+    noise: LawNoise,
+    spreads: Sequence[Spread],
 ) -> float:
-    """Time constant that explains the recordings, the shortest that they do not exclude."""
+    """Time constant that explains the recordings, the shortest that they do not exclude.
+
+    ``spreads`` are those of the unit of each recording.
+    """
     step = -(-len(runs) // MOST_RUNS)
-    pieces = [
-        _pieces(run, x, noise, spread.mean)
-        for run, x in list(zip(runs, columns, strict=True))[::step]
-    ]
-    nats = np.array([sum(_log_density(p, spread.variance, tau) for p in pieces) for tau in TAUS_S])
+    chosen = list(zip(runs, columns, spreads, strict=True))[::step]
+    pieces = [_pieces(run, x, noise, spread.mean) for run, x, spread in chosen]
+    variance = spreads[0].variance
+    nats = np.array([sum(_log_density(p, variance, tau) for p in pieces) for tau in TAUS_S])
     return float(next(t for t, n in zip(TAUS_S, nats, strict=True) if n > nats.max() - WITHIN_NATS))
 
 

@@ -21,13 +21,9 @@ import numpy.typing as npt
 
 from flea_diag.core.run_law.fault_columns import FaultColumn
 from flea_diag.core.run_law.law_columns import UNIT, LawColumn
-from flea_diag.core.run_law.restricted_likelihood import (
-    PRIOR_RUNS,
-    Spread,
-    fitted,
-    without_each,
-)
+from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread
 from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
+from flea_diag.core.run_law.unit_levels import UnitLevels
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -39,9 +35,12 @@ SHARE = 0.05
 """Of recordings that are unsound, a priori: 2 of the first 62 of the FLEA were."""
 LEAST_GAIN = 1e-9
 """Share of its information that a direction must keep beside all that recordings differ by."""
+WITHIN_UNITS = 0.5
+"""Share of what healthy units differ by below which no recording is unsound, however well the
+difference is known."""
 ROUNDS = 12
 CHANGED = 3.0
-"""Factor of a variance that no noise need be a defect for: rooms, supplies and motions change it."""
+"""Factor of a variance by which rooms, supplies and motions change healthy noise."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,8 @@ class Candidates:
     """Recordings to be judged: sums, mean square of what each relation leaves, and its values.
 
     ``sums`` hold the columns and then ``faults``; ``misfit`` and ``counts`` have shape
-    (recordings, relations). ``scale`` makes SI units of coefficients.
+    (recordings, relations). ``scale`` makes SI units of coefficients. ``differing``, shape (columns
+    and faults,), are the sizes by which healthy units differ in what they move.
     """
 
     sums: RunSums
@@ -86,29 +86,33 @@ class Candidates:
     relations: tuple[str, ...]
     scale: Array
     prior: Array
+    unit_prior: Array
     mean_prior: Array
-    groups: Array
+    groups: npt.NDArray[np.intp]
+    differing: Array
 
     @cached_property
     def own(self) -> RunSums:
         """Sums of the columns of the law."""
         return self.sums.first(len(self.columns))
 
-    def fit(self, sound: Flags) -> Spread:
-        """The spread of those that are sound."""
+    def fit(self, sound: Flags) -> UnitLevels:
+        """The levels of those that are sound."""
         which = np.flatnonzero(sound)
-        return fitted(self.own[which], self.prior, self.mean_prior, self.groups[which])
+        return UnitLevels.of(
+            self.own[which], self.prior, self.unit_prior, self.mean_prior, self.groups[which]
+        )
 
 
 class Judged(NamedTuple):
-    """Which recordings are sound, their spread, and the others with what is wrong with them.
+    """Which recordings are sound, their levels, and the others with what is wrong with them.
 
     ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
     ``feigned`` are centre and variance of each fault's size in sound ones, shape (faults,).
     """
 
     sound: Flags
-    spread: Spread
+    levels: UnitLevels
     unsound: tuple[UnsoundRun, ...]
     noisy: tuple[UnsoundRun, ...]
     feigned: tuple[Array, Array]
@@ -118,8 +122,8 @@ def sound_runs(of: Candidates) -> Judged:
     """Judge all recordings together."""
     sound = _nearest_half(of)
     for _ in range(ROUNDS):
-        spread = of.fit(sound)
-        odds, usual = _judged(of, spread, sound)
+        levels = of.fit(sound)
+        odds, usual = _judged(of, levels, sound)
         now = np.array([found.nats <= 0.0 for found in odds])
         if 2 * now.sum() < len(now):
             now = _least_odd(odds)
@@ -130,7 +134,7 @@ def sound_runs(of: Candidates) -> Judged:
     noisy = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
     first = len(of.columns)
     feigned = usual.size[first:], usual.size_variance[first:]
-    return Judged(sound, spread, unsound, noisy, feigned)
+    return Judged(sound, levels, unsound, noisy, feigned)
 
 
 def _nearest_half(of: Candidates) -> Flags:
@@ -143,7 +147,7 @@ def _nearest_half(of: Candidates) -> Flags:
         return np.ones(count, dtype=bool)
     kept, _ = posterior_covariance(of.own.gram, of.mean_prior)
     own = np.matmul(kept, of.own.cross[..., None])[..., 0]
-    middle = np.median(own, axis=0)
+    middle = np.array([np.median(own[of.groups == unit], axis=0) for unit in of.groups])
     error = np.einsum("kii->ki", kept)
     spread = np.square(1.4826 * np.median(np.abs(own - middle), axis=0))
     apart = np.square(own - middle) / (error + np.maximum(spread, 0.25 * of.prior))
@@ -157,14 +161,14 @@ def _least_odd(odds: Sequence[UnsoundRun]) -> Flags:
     return np.asarray(nats <= np.median(nats))
 
 
-def _judged(of: Candidates, spread: Spread, sound: Flags) -> tuple[list[UnsoundRun], _Usual]:
+def _judged(of: Candidates, levels: UnitLevels, sound: Flags) -> tuple[list[UnsoundRun], _Usual]:
     """The most likely defect of each recording, with its odds; sound ones judged by the others."""
-    members = np.flatnonzero(sound)
-    apart = without_each(of.own[members], spread, of.mean_prior)
-    by = dict(zip(members.tolist(), apart, strict=True))
-    sizes = [_sizes(of, k, by.get(k, spread)) for k in range(len(of.sums))]
+    members = np.flatnonzero(sound).tolist()
+    place = {k: number for number, k in enumerate(members)}
+    laws = [levels.of_unit(int(of.groups[k]), place.get(k, -1)) for k in range(len(of.sums))]
+    sizes = [_sizes(of, k, law) for k, law in enumerate(laws)]
     usual = _Usual(*_usual_sizes(sizes, sound), len(members))
-    odds = [_defect(of, k, by.get(k, spread), size, usual) for k, size in enumerate(sizes)]
+    odds = [_defect(of, k, laws[k], size, usual) for k, size in enumerate(sizes)]
     return odds, usual
 
 
@@ -218,6 +222,8 @@ def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> tuple[Array, Array]:
 
 def _defect(of: Candidates, k: int, law: Spread, sizes: _Sizes, usual: _Usual) -> UnsoundRun:
     found = list(_directions(of, k, sizes, usual))
+    if not found:
+        return UnsoundRun(k, "", UNIT, 0.0, 0.0, -np.inf)
     best = max(found, key=lambda each: each.nats)
     many = _unit(of, k, law, usual)
     found.append(replace(best, kind=MANY, nats=many))
@@ -244,7 +250,8 @@ def _directions(of: Candidates, k: int, sizes: _Sizes, usual: _Usual) -> Iterato
     freedom = usual.runs / np.maximum(share, 1e-3) ** 2
     nats = 0.5 * (freedom + 1.0) * np.log1p(np.square(apart) / variance / freedom) - np.log(BROAD)
     for j, (name, kind, (low, high), scale) in enumerate(entries):
-        if np.isfinite(nats[j]) and low <= apart[j] <= high:
+        is_large = abs(apart[j]) > WITHIN_UNITS * of.differing[j]
+        if np.isfinite(nats[j]) and is_large and low <= apart[j] <= high:
             error = float(np.sqrt(variance[j]) * scale)
             yield UnsoundRun(k, name, kind, float(apart[j] * scale), error, float(nats[j]))
 

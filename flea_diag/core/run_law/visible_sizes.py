@@ -112,7 +112,8 @@ def _gram(
     law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows, onset: int
 ) -> Array:
     """Information on the sizes, what recordings differ by integrated out, (faults, faults)."""
-    total = np.diag(law.run_variance) + law.covariance
+    spread = law.spread()
+    total = np.diag(spread.variance) + spread.covariance
     scale = np.sqrt(np.diag(total))
     scale = np.where(scale > 0.0, scale, 1.0)
     own = columns.of(run) * scale

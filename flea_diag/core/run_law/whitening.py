@@ -20,7 +20,7 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class WindowGain:
-    """What the filter does in one window, arrays of shape (residuals, 1)."""
+    """What the filter does in one window, arrays of shape (..., residuals, 1)."""
 
     level: Array
     coloured: Array
@@ -38,7 +38,7 @@ class GainSequence:
         self._p_coloured = noise.coloured.copy()
 
     def step(self, known: Flags) -> WindowGain:
-        """Gains for a window in which these residuals have a value, shape (residuals,)."""
+        """Gains for a window in which these residuals have a value, shape (..., residuals)."""
         noise, both = self._noise, self._p_both
         level, coloured = self._p_level + both, self._p_coloured + both
         variance = level + coloured + noise.white
@@ -52,7 +52,7 @@ class GainSequence:
             np.square(noise.phi) * (self._p_coloured - to_coloured * coloured) + renewed
         )
         columns = (to_level, to_coloured, noise.phi, scale)
-        return WindowGain(*(column[:, None] for column in columns))
+        return WindowGain(*(column[..., None] for column in columns))
 
 
 class WhiteSignals:

@@ -6,7 +6,12 @@ import math
 from collections.abc import Collection, Sequence
 
 from flea_diag.core.faults.response import to_do
-from flea_diag.core.isolation.detectability import undetectable, without_relation
+from flea_diag.core.isolation.detectability import (
+    shows_from,
+    undetectable,
+    unseen_by_limits,
+    without_relation,
+)
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.errors import shown
@@ -34,6 +39,9 @@ UNDETECTABLE = (
 NO_RELATION = (
     "in no relation of these channels: 'flea stand check' names the sensor that would show it"
 )
+TOO_WIDE = (
+    "no size of the catalogue reaches a limit of this calibration: record more nominal running"
+)
 NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
 
 
@@ -54,7 +62,13 @@ class VerdictRecord:
         symptoms = knowledge.effects.residuals.symptoms
         self._without_relation = without_relation(faults, self._models, calibration)
         silent = undetectable(faults, self._models, calibration, symptoms)
-        self._undetectable = tuple((name, UNDETECTABLE) for name in silent)
+        visible = calibration.law.visible if calibration.law else ()
+        blind = (n for n in unseen_by_limits(visible) if n in faults and n not in silent)
+        self._undetectable = (
+            *((name, UNDETECTABLE) for name in silent),
+            *((name, TOO_WIDE) for name in blind if not faults[name].vibration),
+        )
+        self._shows_from = shows_from(visible)
         self._tests = tests_of_faults(
             faults, self._models, calibration, knowledge.effects.residuals
         )
@@ -98,6 +112,7 @@ class VerdictRecord:
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
             to_do=to_do([h.fault.response for h in isolation.alive()]),
+            shows_from=self._shows_from,
         )
 
     def _without_episode(
@@ -121,6 +136,7 @@ class VerdictRecord:
             counters=stand.counters,
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
+            shows_from=self._shows_from,
         )
 
     def _features_available(self, stand: StandStatus) -> int:

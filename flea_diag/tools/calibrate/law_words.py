@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.run_law.run_law import RunLaw, VisibleSize
+from flea_diag.core.run_law.unit_levels import LEAST_UNITS
 from flea_diag.core.run_law.unsound_runs import FAULT, MANY, NOISE, UnsoundRun
 
 DO = "leave it out, or record it again once that is explained"
@@ -16,8 +17,8 @@ def reason_of(found: UnsoundRun, relations: RelationSet) -> str:
     """Why a recording is not as the others, with the size of the claim and what to do."""
     if found.kind == NOISE:
         return (
-            f"{found.what} is {found.size:.2g} times as noisy as in the other recordings: a channel "
-            "of it is bad there; the law does without it in this recording"
+            f"{found.what} is {found.size:.2g} times as noisy as in the other recordings: a "
+            "channel of it is bad there; the law does without it in this recording"
         )
     unit = relations.base_units.get(found.what, "")
     size = f"{found.size:+.3g} {unit}".strip()
@@ -48,7 +49,8 @@ def _symbols(expression: object) -> set[str]:
 
 def words(law: RunLaw, relations: RelationSet) -> Iterator[str]:
     """The law for a report: its terms, its score, and what it and the limits can see."""
-    of = f"learned from {law.units} units" if law.units else "by the tolerances of the description"
+    learned = law.units >= LEAST_UNITS
+    of = f"learned from {law.units} units" if learned else "by the tolerances of the description"
     yield f"law of {law.recordings} healthy recordings; what units differ by: {of}"
     yield "term                                   kind       runs differ by  units      per minute"
     for term in law.terms:
@@ -62,8 +64,8 @@ def words(law: RunLaw, relations: RelationSet) -> Iterator[str]:
     if law.score is not None:
         yield (
             f"left out, recordings score {law.score.log_score:.3f} nats a value "
-            f"({law.score.separate:.3f} by noise that holds what they differ by); their standardised "
-            f"means scatter by {law.score.spread:.2f} (1 where the law is right), "
+            f"({law.score.separate:.3f} by noise that holds what they differ by); their "
+            f"standardised means scatter by {law.score.spread:.2f} (1 where the law is right), "
             f"{law.score.beyond_two:.1%} of {law.score.means} beyond 2"
         )
     yield ""

@@ -112,7 +112,7 @@ def read_any(bag: Path, known: ResidualSet) -> NominalRecording:
 def _read(
     bag: Path, known: ResidualSet, warnings: list[str], healthy: bool = True
 ) -> NominalRecording:
-    """Rows, channels and period of one bag; one with a fault is refused where it must be healthy."""
+    """Rows, channels and period of one bag, which may have to be healthy."""
     import numpy as np
 
     from flea_diag.core.calibration.calibration import NominalRun

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flea_diag.core.faults.fault import MODES
 from flea_diag.formats import stamped
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
@@ -28,6 +29,8 @@ from flea_diag.wire.records import (
 )
 
 _SOUND = (Quality.GOOD, Quality.ABSENT)
+OF_SENSORS = tuple(f"_{mode}" for mode in MODES)
+"""How the faults of sensors end: their sizes are in the JSON."""
 BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
 """Frequent record types that a summary does not need."""
 
@@ -63,6 +66,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         **{key: first[key] for key in quiet},
         "episodes": episodes,
         "not_observable": _not_observable(last),
+        "shows_from": dict(last.shows_from) if last else {},
         "false_alarms_per_hour": _promise(last),
         "features_computed": _features(known),
         "data_quality": _data_quality(known, start_ns),
@@ -235,6 +239,10 @@ def in_words(summary: dict[str, Any]) -> str:
     for entry in summary["not_observable"]:
         reasons.setdefault(entry["reason"], []).append(entry["fault"])
     lines += [f"  not observable: {', '.join(faults)} ({why})" for why, faults in reasons.items()]
+    plant = [f"{f}: {size}" for f, size in summary["shows_from"].items()
+             if not f.endswith(OF_SENSORS)]  # fmt: skip
+    if plant:
+        lines.append(f"  shows from: {'; '.join(plant)}")
     return "\n".join(lines)
 
 

@@ -27,6 +27,7 @@ def summary(group: AmbiguityGroup, stand: str = "stand") -> AmbiguityGroup:
         dropped=(),
         words=_words(group),
         not_observable=(),
+        shows_from=(),
         next_tests=(),
         summary=True,
         dropped_count=len(group.dropped),

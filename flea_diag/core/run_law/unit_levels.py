@@ -1,0 +1,129 @@
+"""Recordings of units of one design: a mean of each unit, about a mean of the design.
+
+    b_jk = m + u_j + c_jk ,   u_j ~ N(0, S_unit),   c_jk ~ N(0, S_run)
+
+Of one unit alone the mean of the design is not known: its own takes its place. The unit of a
+recording that is judged is known by its other recordings; where it has none, it is any unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread, run_variance
+from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+LEAST_UNITS = 5
+"""Units from which on what units differ by is learned; with fewer it is the tolerance."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnitLevels:
+    """Variances between recordings and between units, and what the recordings say of means.
+
+    Attributes
+    ----------
+    sums
+        Of the recordings that it was learned from.
+    variance, unit_variance
+        S_run and S_unit, shape (columns,).
+    mean_prior
+        Variances of the mean, shape (columns,).
+    groups
+        Unit of each recording, shape (recordings,).
+    """
+
+    sums: RunSums
+    variance: Array
+    unit_variance: Array
+    mean_prior: Array
+    groups: Places
+
+    @classmethod
+    def of(
+        cls, sums: RunSums, scale: Array, unit_scale: Array, mean_prior: Array, groups: Places
+    ) -> UnitLevels:
+        """Learn both variances; ``scale`` and ``unit_scale`` are those of their priors."""
+        variance = run_variance(sums, scale, mean_prior, groups)
+        made = cls(sums, variance, unit_scale, mean_prior, groups)
+        if len(made.units) < LEAST_UNITS:
+            return made
+        every = RunSums.stacked(made.unit_sums[unit] for unit in made.units)
+        one = np.zeros(len(every), dtype=np.intp)
+        least = np.maximum(unit_scale, 1e-8)
+        between = run_variance(every, least, mean_prior, one)
+        return cls(sums, variance, np.where(unit_scale > 0.0, between, 0.0), mean_prior, groups)
+
+    @cached_property
+    def units(self) -> list[int]:
+        """Units that have recordings."""
+        return [int(unit) for unit in np.unique(self.groups)]
+
+    @cached_property
+    def freed(self) -> RunSums:
+        """What each recording says of the mean of its unit."""
+        return self.sums.freed(self.variance)
+
+    @cached_property
+    def unit_sums(self) -> dict[int, RunSums]:
+        """The same of all recordings of each unit."""
+        return {unit: self.freed[np.flatnonzero(self.groups == unit)].total for unit in self.units}
+
+    @cached_property
+    def _of_design(self) -> dict[int, RunSums]:
+        """What each unit says of the mean of the design."""
+        return {unit: sums.freed(self.unit_variance) for unit, sums in self.unit_sums.items()}
+
+    def design(self, without: int = -1) -> tuple[Array, Array]:
+        """Mean of the design and its covariance, by all units but one."""
+        information = np.diag(1.0 / self.mean_prior)
+        vector = np.zeros(len(self.mean_prior))
+        for unit, sums in self._of_design.items():
+            if unit != without:
+                information = information + sums.gram
+                vector = vector + sums.cross
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        return covariance @ vector, covariance
+
+    def of_unit(self, unit: int, without: int = -1) -> Spread:
+        """Spread of further recordings of a unit, by all recordings but one of them."""
+        mean, covariance = self._before(unit)
+        information = np.linalg.inv(covariance)
+        vector = information @ mean
+        variance = self.variance
+        if unit in self.unit_sums:
+            information = information + self.unit_sums[unit].gram
+            vector = vector + self.unit_sums[unit].cross
+        if without >= 0:
+            information = information - self.freed[without].gram
+            vector = vector - self.freed[without].cross
+            count = PRIOR_RUNS + len(self.sums)
+            left = np.maximum(count * variance - self._own_squares[without], 0.0)
+            variance = left / (count - 1.0)
+        covariance = np.linalg.inv(information)
+        return Spread(covariance @ vector, variance, covariance)
+
+    def _before(self, unit: int) -> tuple[Array, Array]:
+        """What is known of a unit before its own recordings."""
+        if not [other for other in self.units if other != unit]:
+            return np.zeros(len(self.mean_prior)), np.diag(self.mean_prior)
+        mean, covariance = self.design(unit)
+        return mean, covariance + np.diag(self.unit_variance)
+
+    @cached_property
+    def _own_squares(self) -> Array:
+        """What each recording adds to the sums for the variance, shape (recordings, columns)."""
+        kept, _ = posterior_covariance(self.sums.gram, self.variance)
+        apart = np.empty((len(self.sums), len(self.variance)))
+        for unit in self.units:
+            which = np.flatnonzero(self.groups == unit)
+            beside = self.sums[which].beside(self.of_unit(unit).mean)
+            apart[which] = np.matmul(kept[which], beside.cross[..., None])[..., 0]
+        return np.asarray(np.square(apart) + np.einsum("kii->ki", kept))

@@ -1,0 +1,90 @@
+"""The law of recordings that are drawn from one, and what it makes of unsound ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.models.law_design import COLUMNS, FAULTS, recording, recordings
+
+from flea_diag.core.run_law.law_learning import learn_law
+from flea_diag.core.run_law.run_law import RunLaw
+from flea_diag.fields.reader import read_as
+
+
+def law_of(runs):
+    return learn_law(runs, COLUMNS, FAULTS, ())
+
+
+def test_a_law_finds_what_recordings_were_drawn_by():
+    runs = recordings(np.random.default_rng(1), 40)
+    law = law_of(runs).law
+    assert [term.run_sigma for term in law.terms] == pytest.approx([0.3, 0.1], rel=0.25)
+    assert [row.white for row in law.noise] == pytest.approx([0.2, 0.2], rel=0.15)
+    assert law.score is not None
+    assert law.score.spread == pytest.approx(1.0, abs=0.2)
+    assert law.score.log_score > law.score.separate
+
+
+def test_more_recordings_do_not_widen_what_they_differ_by():
+    rng = np.random.default_rng(2)
+    few, many = (law_of(recordings(rng, count)).law for count in (6, 40))
+    assert many.terms[0].run_sigma <= 1.3 * few.terms[0].run_sigma
+
+
+@pytest.mark.parametrize("odd", [1, 2, 3])
+def test_unsound_recordings_of_one_kind_do_not_mask_each_other(odd):
+    rng = np.random.default_rng(3)
+    runs = recordings(rng, 16 - odd)
+    runs += [recording(rng, (3.0, 0.0), name=f"odd_{k}") for k in range(odd)]
+    fit = law_of(runs)
+    assert {runs[row.place].name for row in fit.unsound} == {f"odd_{k}" for k in range(odd)}
+    assert {row.what for row in fit.unsound} <= {"drag", "jam, drag"}
+    assert [row.size for row in fit.unsound] == pytest.approx([3.0] * odd, abs=0.6)
+    assert fit.law.terms[0].run_sigma == pytest.approx(0.3, rel=0.5)
+
+
+def test_sound_recordings_are_named_unsound_in_one_of_hundreds():
+    rng = np.random.default_rng(4)
+    named = sum(len(law_of(recordings(rng, 12)).unsound) for _ in range(8))
+    assert named <= 1
+
+
+def test_a_relation_that_is_far_too_noisy_is_left_out_of_its_recording_alone():
+    rng = np.random.default_rng(5)
+    runs = recordings(rng, 12)
+    runs[4].values[:, 1] += 5.0 * rng.standard_normal(len(runs[4]))
+    fit = law_of(runs)
+    assert not fit.unsound
+    assert {(row.place, row.what) for row in fit.noisy} == {(4, "circuit")}
+    assert np.isnan(fit.sound[4].values[:, 1]).all()
+
+
+def test_recordings_of_several_units_are_judged_by_their_own():
+    rng = np.random.default_rng(6)
+    runs = [
+        recording(rng, (drag + 0.2 * rng.standard_normal(), 0.1 * rng.standard_normal()),
+                  name=f"{unit}_{k}", unit=str(unit))
+        for unit, drag in enumerate((-1.5, 1.4, 0.2, -0.6, 1.1, 0.5))
+        for k in range(5)
+    ]  # fmt: skip
+    fit = law_of(runs)
+    assert not fit.unsound
+    assert (fit.law.units, fit.law.recordings) == (6, 30)
+    assert fit.law.terms[0].run_sigma == pytest.approx(0.2, rel=0.35)
+    assert 0.6 < fit.law.terms[0].unit_sigma < 2.0
+
+
+def test_few_recordings_make_a_law_too():
+    rng = np.random.default_rng(7)
+    for count in (1, 2, 3):
+        law = law_of(recordings(rng, count)).law
+        assert np.isfinite([term.run_sigma for term in law.terms]).all()
+        assert law.terms[0].run_sigma > 0.1
+
+
+def test_a_law_is_the_same_after_its_file():
+    law = law_of(recordings(np.random.default_rng(8), 8)).law
+    again = read_as(RunLaw, law.to_mapping(), "law")
+    assert again.to_mapping() == law.to_mapping()
+    assert again.covariance == pytest.approx(law.covariance, rel=1e-4)
+    assert again.contradictions() == []

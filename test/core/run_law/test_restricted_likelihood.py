@@ -1,0 +1,94 @@
+"""Variances between recordings, and densities in closed form, against dense Gaussians."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from flea_diag.core.run_law.restricted_likelihood import Spread, run_variance
+from flea_diag.core.run_law.run_sums import RunSums
+from flea_diag.core.run_law.unit_levels import UnitLevels
+
+NOISE = 0.3
+
+
+def drawn(rng: np.random.Generator, mean, sigma, count: int, rows: int = 40):
+    """Designs, data and sums of recordings with white noise."""
+    made = []
+    for _ in range(count):
+        x = rng.standard_normal((rows, 2))
+        y = x @ (mean + sigma * rng.standard_normal(2)) + NOISE * rng.standard_normal(rows)
+        made.append((x, y))
+    return made, RunSums.stacked(sums_of(x, y) for x, y in made)
+
+
+def sums_of(x, y) -> RunSums:
+    x, y = x / NOISE, y / NOISE
+    scales = np.asarray(-len(y) * np.log(NOISE))
+    return RunSums(x.T @ x, x.T @ y, y @ y, np.asarray(float(len(y))), scales)
+
+
+def test_the_density_of_a_recording_is_that_of_the_whole_gaussian():
+    rng = np.random.default_rng(1)
+    law = Spread(np.array([0.4, -1.0]), np.array([0.5, 0.0]), np.diag([0.1, 0.2]))
+    made, sums = drawn(rng, 0.0, 1.0, 3)
+    for k, (x, y) in enumerate(made):
+        total = np.diag(law.variance) + law.covariance
+        dense = multivariate_normal(x @ law.mean, x @ total @ x.T + NOISE**2 * np.eye(len(y)))
+        nats = law.log_density(sums[k]) - 0.5 * len(y) * np.log(2.0 * np.pi)
+        assert nats == pytest.approx(dense.logpdf(y), rel=1e-9)
+
+
+def test_the_posterior_of_a_recording_is_the_ridge_solution():
+    rng = np.random.default_rng(2)
+    law = Spread(np.array([0.4, -1.0]), np.array([0.5, 0.2]), np.zeros((2, 2)))
+    ((x, y),), sums = drawn(rng, 0.0, 1.0, 1)
+    off, covariance = law.posterior(sums[0])
+    inner = x.T @ x / NOISE**2 + np.diag(1.0 / law.variance)
+    assert covariance == pytest.approx(np.linalg.inv(inner))
+    assert off == pytest.approx(np.linalg.solve(inner, x.T @ (y - x @ law.mean) / NOISE**2))
+
+
+@pytest.mark.parametrize("sigma", [np.array([0.5, 0.1]), np.array([0.02, 3.0])])
+def test_variances_of_many_recordings_are_found_whatever_the_prior(sigma):
+    rng = np.random.default_rng(3)
+    _, sums = drawn(rng, np.array([1.0, 2.0]), sigma, 400)
+    one = np.zeros(400, dtype=np.intp)
+    for scale in (0.05, 5.0):
+        found = run_variance(sums, np.full(2, scale), np.full(2, 100.0), one)
+        assert np.sqrt(found) == pytest.approx(sigma, rel=0.12, abs=0.02)
+
+
+def test_what_few_recordings_say_nothing_of_keeps_its_prior():
+    sums = RunSums.stacked(
+        RunSums(np.zeros((2, 2)), np.zeros(2), np.asarray(0.0), np.asarray(0.0), np.asarray(0.0))
+        for _ in range(4)
+    )
+    found = run_variance(sums, np.array([4.0, 9.0]), np.ones(2), np.zeros(4, dtype=np.intp))
+    assert found == pytest.approx([4.0, 9.0])
+
+
+def test_a_recording_is_judged_by_the_mean_of_the_others_of_its_unit():
+    rng = np.random.default_rng(4)
+    _, sums = drawn(rng, np.array([5.0, 0.0]), 0.3, 6)
+    one = np.zeros(6, dtype=np.intp)
+    levels = UnitLevels.of(sums, np.ones(2), np.ones(2), np.full(2, 100.0), one)
+    rest = np.array([1, 2, 3, 4, 5])
+    again = UnitLevels(sums[rest], levels.variance, np.ones(2), np.full(2, 100.0), one[rest])
+    assert levels.of_unit(0, 0).mean == pytest.approx(again.of_unit(0).mean)
+
+
+def test_units_have_means_of_their_own_and_a_new_one_is_about_that_of_the_design():
+    rng = np.random.default_rng(5)
+    offsets = 2.0 * rng.standard_normal(12)
+    parts = [drawn(rng, np.array([off, 1.0]), 0.1, 8)[1] for off in offsets]
+    sums = RunSums.stacked(part[k] for part in parts for k in range(8))
+    groups = np.repeat(np.arange(12), 8)
+    levels = UnitLevels.of(sums, np.ones(2), np.ones(2), np.full(2, 100.0), groups)
+    assert np.sqrt(levels.variance) == pytest.approx([0.1, 0.1], abs=0.03)
+    assert np.sqrt(levels.unit_variance[0]) == pytest.approx(np.std(offsets, ddof=1), rel=0.2)
+    assert levels.of_unit(3).mean[0] == pytest.approx(offsets[3], abs=0.15)
+    new = levels.of_unit(99)
+    assert new.mean[0] == pytest.approx(np.mean(offsets), abs=0.2)
+    assert np.sqrt(new.covariance[0, 0]) > 1.0

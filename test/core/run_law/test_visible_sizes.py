@@ -1,0 +1,72 @@
+"""Sizes that a calibration can see, against closed forms and against injections."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.models.law_design import COLUMNS, FAULTS, RELATIONS, recording, recordings
+
+from flea_diag.core.run_law.law_learning import learn_law
+from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
+from flea_diag.core.run_law.visible_sizes import limit_nats, visible_sizes
+
+LIMIT, DROP = 8.0, 3.5
+
+
+def exact(run_sigma: float) -> RunLaw:
+    """A law with white noise of 0.2, its mean known."""
+    terms = (LawTerm("drag", "unit", 0.0, run_sigma), LawTerm("zero", "free", 0.0, run_sigma))
+    noise = tuple(RelationNoise(name, 0.2, 0.0, 0.3) for name in RELATIONS)
+    feigned = tuple(FeignedSize(c.fault, c.size, 0.0, 0.0) for c in FAULTS.columns)
+    return RunLaw(terms, noise, ((0.0,), (0.0, 0.0)), 9, 1, 1e4, None, feigned)
+
+
+def test_of_recordings_that_do_not_differ_the_size_is_that_of_a_known_signal_in_noise():
+    run = recording(np.random.default_rng(1), (0.0, 0.0), windows=300)
+    jam, bias = visible_sizes(exact(1e-6), COLUMNS, FAULTS, [run], LIMIT, DROP)
+    x = run.signals[:, 0, 2]
+    assert jam.before == pytest.approx(np.sqrt(2 * LIMIT) * 0.2 / np.sqrt((x**2).sum()), rel=1e-3)
+    # 50 windows, 10 s, follow the onset.
+    assert bias.onset == pytest.approx(np.sqrt(2 * LIMIT) * 0.2 / np.sqrt(50), rel=1e-3)
+
+
+def test_a_fault_from_before_is_held_against_what_recordings_differ_by():
+    run = recording(np.random.default_rng(2), (0.0, 0.0), windows=3000)
+    jam, _ = visible_sizes(exact(0.5), COLUMNS, FAULTS, [run], LIMIT, DROP)
+    assert jam.before == pytest.approx(np.sqrt(2 * LIMIT) * 0.5, rel=0.02)
+    assert jam.onset < 0.2 * jam.before
+
+
+def test_faults_of_the_same_effect_are_named_as_not_told_apart():
+    same = replace(FAULTS, design=FAULTS.design[..., [0, 0]])
+    run = recording(np.random.default_rng(3), (0.0, 0.0))
+    jam, other = visible_sizes(exact(0.1), COLUMNS, same, [run], LIMIT, DROP)
+    assert (jam.alike, other.alike) == (("circuit_bias",), ("jam",))
+
+
+def test_half_of_injections_of_the_stated_size_reach_the_limit():
+    rng = np.random.default_rng(4)
+    fit = learn_law(recordings(rng, 40), COLUMNS, FAULTS, ())
+    jam, _ = visible_sizes(fit.law, COLUMNS, FAULTS, fit.sound, LIMIT, DROP)
+    spread = fit.law.spread()
+    reached = 0
+    for run in recordings(rng, 200):
+        values = run.values + jam.before * FAULTS.of(run)[..., 0]
+        white = fit.law.law_noise.whitened(replace(run, values=values), np.concatenate(
+            (COLUMNS.of(run), FAULTS.of(run)), axis=-1))  # fmt: skip
+        rows = white.rows.reshape(-1, 5)
+        gram, cross = rows[:, 1:].T @ rows[:, 1:], rows[:, 1:].T @ rows[:, 0]
+        total = np.diag(spread.variance) + spread.covariance
+        kept = np.linalg.inv(np.linalg.inv(total) + gram[:2, :2])
+        cross = cross - gram[:, :2] @ spread.mean
+        gain = gram[2, 2] - gram[2, :2] @ kept @ gram[:2, 2]
+        pull = cross[2] - gram[2, :2] @ kept @ cross[:2]
+        reached += 0.5 * pull**2 / gain > LIMIT and pull > 0.0
+    assert reached / 200 == pytest.approx(0.5, abs=0.12)
+
+
+def test_a_limit_grows_by_the_logarithm_of_what_is_tested():
+    assert limit_nats(0.1, 10) - limit_nats(1.0, 10) == pytest.approx(np.log(10.0))
+    assert limit_nats(0.1, 100) - limit_nats(0.1, 10) == pytest.approx(np.log(10.0))
