@@ -153,6 +153,8 @@ def onset_evidence(design: Any, fit: Any, run: Any) -> tuple[str, float]:
     if alone[at].unit < ADOPTED_NATS:
         best = max(alone.values(), key=lambda w: w.best[1])
         return best.best[0], best.over_null
+    near = range(at - EVERY, at + EVERY + 1)
+    at = max(near, key=lambda t: evidence(design, fit, run, onset=t).unit)
     # The unit is another one from there on; a fault must explain more than that, or instead.
     unit = alone[at].unit
     later = [evidence(design, fit, run, onset=t, switched=at) for t in onsets]

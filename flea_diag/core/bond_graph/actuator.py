@@ -21,7 +21,7 @@ from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
-from flea_diag.core.bond_graph.tolerance import tolerances
+from flea_diag.core.bond_graph.tolerance import free_per_run, tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.scan_counts import SMOOTHING_S, SMOOTHINGS_S
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
@@ -73,6 +73,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         travel(top.travel, graph, {s.at for s in sensors.values() if s.integrates}, where),
         tolerances(top.tolerances, (*top.base_parameters, HEATING), f"{where}: tolerances"),
         top.smoothing_s,
+        free_per_run(top.free_per_run, top.base_parameters, f"{where}: free_per_run"),
     )
     if sound:
         _check(result, where)
@@ -100,6 +101,7 @@ class _Description:
     tolerances: Mapping[str, Any] = field(default_factory=dict)
     travel: Mapping[str, Any] = field(default_factory=dict)
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
+    free_per_run: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,8 @@ class Actuator:
     """Base parameter -> by how much healthy units differ in it."""
     smoothing_s: float = SMOOTHING_S
     """Time over which readings are smoothed."""
+    free_per_run: tuple[str, ...] = ()
+    """Base parameters that any recording may have its own value of: a payload, a counterweight."""
 
     @cached_property
     def causality(self) -> Causality:

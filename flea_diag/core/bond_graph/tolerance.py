@@ -46,6 +46,22 @@ def tolerances(content: Any, known: Collection[str], where: str) -> dict[str, To
     return found
 
 
+def free_per_run(names: Collection[str], known: Collection[str], where: str) -> tuple[str, ...]:
+    """Base parameters that a description leaves free in each run.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is not among those known.
+    """
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(
+                f"{where}: {shown(name)} is no base parameter, known are {', '.join(known)}"
+            )
+    return tuple(names)
+
+
 def _tolerance(value: Any, where: str) -> Tolerance:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     share = _SHARE.fullmatch(value) if isinstance(value, str) else None

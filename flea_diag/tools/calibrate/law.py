@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from flea_diag.configuration.description import described
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
 from flea_diag.core.run_law.law_columns import LawColumns, law_columns
@@ -39,7 +40,8 @@ class LawDesign:
         effects, parameters = work.effects(), calibration.parameters
         differences = effects.differences
         tolerance = dict(zip(differences, calibration.differences(differences), strict=True))
-        columns = law_columns(effects, parameters, tolerance, work.relations)
+        free = described(actuator).free_per_run
+        columns = law_columns(effects, parameters, tolerance, work.relations, free)
         models, signals = effects.bound(parameters), signal_names(effects)
         return cls(work, columns, fault_columns(models, work.relations, signals))
 
