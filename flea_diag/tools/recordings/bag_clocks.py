@@ -8,6 +8,9 @@ import numpy as np
 
 STILL = 0.5
 """Share of the messages of a topic that may repeat the stamp of the one before."""
+SCATTER, MORE = 0.1, 5.0
+"""Scatter of steps, as a share of them, from which on stamps are held against times of receipt; and
+how much more regular these must be: nothing is received more evenly than it was sampled."""
 MOST_APART_NS = 2_000_000_000
 """Difference of two topics' clocks from which on they are two clocks."""
 FEWEST = 10
@@ -31,6 +34,12 @@ def received_topics(
             if float(np.mean(moved == 0)) < STILL:
                 received.add(topic)
                 notes.append(f"{topic}: its stamps stand still: times of receipt are taken instead")
+        elif _scatter_more(stamps, logs_ns[topic]):
+            received.add(topic)
+            notes.append(
+                f"{topic}: its stamps scatter more than its times of receipt, which are taken "
+                "instead"
+            )
     offsets = {
         topic: float(np.median(np.subtract(stamps, logs_ns[topic])))
         for topic, stamps in stamps_ns.items()
@@ -45,3 +54,13 @@ def received_topics(
         )
         return frozenset(stamps_ns), tuple(notes)
     return frozenset(received), tuple(notes)
+
+
+def _scatter_more(stamps: Sequence[int], logs: Sequence[int]) -> bool:
+    """Whether stamps scatter far more than the times of receipt."""
+    if len(stamps) < FEWEST:
+        return False
+    steps = [np.diff(np.asarray(each, dtype=np.float64)) for each in (stamps, logs)]
+    usual = float(np.median(steps[0]))
+    spread = [float(np.subtract(*np.quantile(each, [0.75, 0.25]))) for each in steps]
+    return usual > 0.0 and spread[0] > SCATTER * usual and spread[0] > MORE * spread[1]

@@ -16,6 +16,7 @@ from flea_diag.tools.recordings.senders import Senders, Signature
 from flea_diag.tools.recordings.source_checks import check_rate
 from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.records import Scan, VibrationBlock
+from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import SourceMapping
 from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
 from flea_diag.wire.sources.scan_grid import ScanGrid
@@ -168,8 +169,22 @@ def _check_found(
         if term.topic not in last:
             raise RecordingError(f"{path}: {term.topic} has no messages; record it again")
         names = term.path.names_in(last[term.topic])
+        if _is_empty(last[term.topic], term.path):
+            raise RecordingError(
+                f"{path}: {term.topic}: {term.path.steps[-1][0]} is empty in every message: leave "
+                f"the channel out of {mapping.where}, or have it sent"
+            )
         has = f"its elements are {', '.join(names[:20])}" if names else "it has too few elements"
         raise RecordingError(
             f"{path}: {term.topic} has no element {term.path}: {has}; correct the field in "
             f"{mapping.where}"
         )
+
+
+def _is_empty(message: object, path: FieldPath) -> bool:
+    """Whether the array that a path leads to has no elements."""
+    for name, _ in path.steps:
+        message = getattr(message, name, None)
+        if hasattr(message, "__len__"):
+            return len(message) == 0
+    return False

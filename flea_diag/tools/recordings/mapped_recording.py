@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.recordings.source_checks import check_signs, clipped_to_ranges
+from flea_diag.tools.recordings.source_checks import check_signs, check_turns, clipped_to_ranges
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Scan, Truth, VibrationBlock
 from flea_diag.wire.sources.mapping import SourceMapping
 from flea_diag.wire.sources.scan_grid import ScanGrid
@@ -57,6 +57,7 @@ def checked(
     """
     if not scans:
         raise RecordingError(f"{where}: no readings")
+    check_turns(where, mapping, scans)
     kept, clipped = clipped_to_ranges(where, mapping, scans)
     check_signs(where, mapping, kept)
     counts = {key: count for key, count in grid.counts.items() if count}

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration.sign_check import sign_contradiction
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.errors import RecordingError
+from flea_diag.tools.recordings.wrapped_angle import turn_of
 from flea_diag.wire.records import Scan
 from flea_diag.wire.sources.mapping import AxisMapping, ChannelMapping, SourceMapping
 
@@ -74,6 +75,27 @@ def clipped_to_ranges(
         replace(scan, values=tuple(row)) for scan, row in zip(scans, values.tolist(), strict=True)
     )
     return tuple(clipped), tuple(notes)
+
+
+def check_turns(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> None:
+    """Refuse an angle that begins anew after each turn and is not said to.
+
+    Raises
+    ------
+    RecordingError
+        Names the channel, the jump and the key to write.
+    """
+    values = np.array([scan.values for scan in scans])
+    for column, row in enumerate(mapping.channels):
+        if row.unit != "rad" or row.turn or len(row.terms) > 1:
+            continue
+        turn = turn_of((values[:, column] - row.offset) / row.factor)
+        if turn:
+            raise RecordingError(
+                f"{where}: {row.channel} jumps by {turn:g} {row.written} and goes on: an "
+                f"angle that begins anew after each turn; write turn: {turn:.6g} beside it in "
+                f"{mapping.where}"
+            )
 
 
 def _other_unit(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
+from flea_diag.tools.recordings.wrapped_angle import turn_of, unwrapped
 from flea_diag.tools.series.no_readings import no_reading, quaternions
 from flea_diag.tools.series.one_way_voltage import NO_MOTOR_VOLTAGE, one_way_voltages
 from flea_diag.tools.series.recorded_joints import RecordedJoints
@@ -30,7 +31,6 @@ from flea_diag.tools.series.series_words import (
     words_of,
 )
 from flea_diag.tools.series.time_base import TimeBase, of_bag, of_table, on_grid
-from flea_diag.tools.series.wrapped_angle import turn_of, unwrapped
 
 Array = npt.NDArray[np.float64]
 
