@@ -22,6 +22,7 @@ from flea_diag.tools.series.series_words import (
     POSITION,
     QUALIFIERS,
     SPEED,
+    is_quantity,
     unit_of,
     words_of,
 )
@@ -84,7 +85,7 @@ class RecordedJoints:
         fits = {
             name: score
             for name, score in scores.items()
-            if all(not w or w in (name, _label(name), *name) for w in (wanted, group))
+            if all(not w or w.lower() in _called(name) for w in (wanted, group))
         }
         if (wanted or group) and not fits:
             raise RecordingError(
@@ -101,6 +102,11 @@ class RecordedJoints:
     def is_of_another(self, series: Series) -> bool:
         """Whether a series of the recording is of another group than the chosen one."""
         return series.words in self.rest
+
+
+def _called(name: Sequence[str]) -> tuple[str, ...]:
+    """What a group may be called, in small letters."""
+    return tuple(each.lower() for each in (_label(name), *name))
 
 
 def _label(name: Sequence[str]) -> str:
@@ -125,7 +131,7 @@ def _is_telling(slot: str, is_table: bool) -> bool:
     if slot in _AXES and not is_table:
         return False
     words = [word for word in re.findall(r"[a-z]+", slot.lower()) if word not in _ANY]
-    known = [w for w in words if words_of(w).quantity or w in QUALIFIERS or w in _OF_READINGS]
+    known = [w for w in words if is_quantity(w) or w in QUALIFIERS or w in _OF_READINGS]
     return not known and not unit_of(slot, "")
 
 

@@ -229,6 +229,11 @@ def _quantity_in(words: list[str]) -> str:
     return LETTERS.get(words[0], "") if len(words) == 1 else ""
 
 
+def is_quantity(word: str) -> bool:
+    """Whether a word of more than a letter says a quantity."""
+    return word in QUANTITIES or bool(_compound(word))
+
+
 def _compound(word: str) -> str:
     return next((QUANTITIES[end] for end in COMPOUNDS if word.endswith(end)), "")
 

@@ -47,7 +47,7 @@ SAME_SHARE = 0.97
 """Share of a voltage that no current explains, at any load."""
 SECOND_VOLTAGE = 0.85
 """Share of a load that no voltage explains."""
-LEAST_DECADES = 0.5
+LEAST_DECADES = 1.0
 """What the equations of a motor must explain at least."""
 LESS_NOISE = 0.3
 """Scatter of a command, as a share of that of the reading that follows it."""

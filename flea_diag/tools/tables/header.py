@@ -62,7 +62,7 @@ def header_of_rows(before: Sequence[Sequence[str]], width: int, numeric: int) ->
         return Header(names, notes=(f"it has no header: its columns are called {names[0]} to "
                                     f"{names[-1]}",))  # fmt: skip
     last = before[-1]
-    if len({cell for cell in last if cell}) < width - 1:
+    if _distinct(last, width) < width - 1 and not _are_groups(before, width):
         last = max(before, key=lambda cells: _distinct(cells, width))
         before = before[: before.index(last) + 1]
     glued = _glued(last, width)
@@ -76,6 +76,13 @@ def header_of_rows(before: Sequence[Sequence[str]], width: int, numeric: int) ->
     if len(last) == width - 1 and all(cell.strip() for cell in last):
         return Header(("row", *_clean(last)), notes=("its first column has no name",))
     return Header(_clean(last))
+
+
+def _are_groups(before: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether the last two lines together name each column, the first of them in groups."""
+    if len(before) < 2 or not len(before[-2]) == len(before[-1]) >= width:
+        return False
+    return _distinct(_joined(before[-2], before[-1]), width) >= width - 1
 
 
 def _distinct(cells: Sequence[str], width: int) -> int:

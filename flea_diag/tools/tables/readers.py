@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
+from warnings import catch_warnings, simplefilter
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.tables.excel_table import excel
@@ -51,7 +52,8 @@ def read_table(path: Path, wanted: Sequence[str] | None = None) -> ColumnTable:
     read = READERS[suffix_of(path)]
     names = None if wanted is None else tuple(dict.fromkeys(wanted))
     try:
-        with opened(path, FILE_LIMIT_BYTES) as stream:
+        with opened(path, FILE_LIMIT_BYTES) as stream, catch_warnings():
+            simplefilter("ignore")  # of libraries, on files of older makers
             size = stream.seek(0, 2)
             stream.seek(0)
             found = read(path, stream, names, Budget(path.name, size))
