@@ -43,7 +43,7 @@ def main() -> int:
         rows.append(KeptRow(f"{name}: {make.text.__doc__ or ''}", text=text))
         print(f"{'right' if is_right else 'WRONG'}  {name}: {text}", flush=True)
     packages = of_packages()
-    wrong += sum(row.right != row.count for row in packages)
+    wrong += sum(int(row.cells.get("neither", "0")) for row in packages)
     if args.keep:
         keep([*rows, *packages])
     return min(wrong, 1)
@@ -103,8 +103,10 @@ def of_packages() -> list[KeptRow]:
         if count:
             right, guessed = found[ending, "line"], found[ending, "guess"]
             name = f"files {ending} of other packages: refused in one line"
-            said = {"marked guess": str(guessed)} if guessed else {}
-            rows.append(KeptRow(name, right=right + guessed, count=count, cells=said))
+            neither = count - right - guessed
+            said = {"taken, with marks": guessed, "neither": neither}
+            cells = {key: str(value) for key, value in said.items() if value}
+            rows.append(KeptRow(name, right=right, count=count, cells=cells))
             print(f"{name}: {right} of {count}, taken with marks: {guessed}", flush=True)
     return rows
 
