@@ -100,9 +100,9 @@ PAGES = (
     ResultPage(
         "recordings",
         "Recordings of any make",
-        "What `flea stand new` makes of files that others write: formats of other makes, files that "
-        "other packages bring, and one motion in drawn dialects of tables and habits of bags, each "
-        "held against its plain form.",
+        "What `flea stand new` makes of files that others write: formats of other makes, files "
+        "that other packages bring, and one motion in drawn dialects of tables and habits of bags, "
+        "each held against its plain form.",
         ("recordings_of_others",),
     ),
     ResultPage(

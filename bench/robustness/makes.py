@@ -28,6 +28,8 @@ from support.foreign.other_makes import CHANNELS, MAKES, Make, write
 from flea_diag.tools.main import main as flea
 
 ENDINGS = (".mat", ".h5", ".csv", ".npz", ".npy", ".parquet", ".csv.gz", ".bag", ".mcap", ".db3")
+MOST_SHOWN = 60
+"""Letters of a cell of a table."""
 MOST_OF_A_FOLDER, LARGEST_BYTES = 45, 8_000_000
 
 
@@ -40,7 +42,7 @@ def main() -> int:
     for name, make in MAKES.items():
         text, is_right = made(name, make)
         wrong += not is_right
-        rows.append(KeptRow(f"{name}: {make.text.__doc__ or ''}", text=text))
+        rows.append(KeptRow(name, text=text))
         print(f"{'right' if is_right else 'WRONG'}  {name}: {text}", flush=True)
     packages = of_packages()
     wrong += sum(int(row.cells.get("neither", "0")) for row in packages)
@@ -64,14 +66,14 @@ def made(name: str, make: Make) -> tuple[str, bool]:
         status, out, errors = new(Path(place) / "mine", file, *make.options)
         if status:
             line = errors.replace(f"{file}: ", "").removeprefix("flea: ").strip()
-            return f"refused: {line[:160]}", bool(make.says) and make.says in errors
+            said = f"refused: {line.partition(',')[0]}"[:MOST_SHOWN]
+            return said, bool(make.says) and make.says in errors
         text = (Path(place) / "mine" / "channels.yaml").read_text(encoding="utf-8")
     rows = yaml.safe_load(text)["channels"]
-    head = out.splitlines()[0].partition(": ")[2]
-    found = ", ".join(f"{each} {row['column']} in {row['unit']}" for each, row in rows.items())
-    joint = head.partition(", joint ")[2].partition(" ")[0]
+    joint = out.splitlines()[0].partition(", joint ")[2].partition(" ")[0]
     wanted = [source.format(joint) for source in make.sources]
-    return f"{head}: {found}", [rows.get(c, {}).get("column") for c in CHANNELS] == wanted
+    found = [str(rows.get(channel, {}).get("column")) for channel in CHANNELS]
+    return ", ".join(found)[:MOST_SHOWN], found == wanted
 
 
 def of_packages() -> list[KeptRow]:
@@ -121,6 +123,7 @@ def keep(rows: list[KeptRow]) -> None:
         Origin(date=str(date.today()), commit=commit),
         tuple(rows),
         notes=(
+            "The result is what was taken for current, speed and position.",
             "The files of other makes are written by generators of their formats, of one drawn "
             "motion for each joint: no recordings of these makes.",
             "The files of other packages are what scipy, numpy, pyarrow and others bring for their "
