@@ -14,11 +14,16 @@ from flea_diag.wire.records import (
     AmbiguityGroup,
     Detection,
     Outcome,
+    RemarkKind,
     Symbol,
     Symbols,
 )
 
 REPLAY = "replay"
+UNDO_NS = 10_000_000_000
+"""Time for which an acknowledgement can be withdrawn."""
+
+SHELVED, OUT = "shelved", "out of service"
 
 Key = tuple[str, int]
 """Source (live or replay) and stamp of the detection."""
@@ -31,6 +36,17 @@ class Comment:
     stamp_ns: int
     author: str
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmAction:
+    """What somebody did to an alarm, or to all of a stand: who, when, why, and until when."""
+
+    stamp_ns: int
+    kind: RemarkKind
+    author: str
+    text: str
+    until_ns: int = NEVER_NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +67,8 @@ class Alarm:
     ``residual``, ``value``, ``limit`` and ``test`` are those of the detection. Without a detection
     record the residual is empty and ``opened_by`` comes from the verdict: the vibration monitor
     opens an episode without one, and a screen may have started later. ``deviations`` are the
-    residuals that deviated during the episode: evidence, not alarms of their own.
+    residuals that deviated during the episode: evidence, not alarms of their own. ``urgency`` is
+    that of the catalogue. ``silenced`` (shelved, out of service) and ``undoable`` hold now.
     """
 
     source: str
@@ -71,6 +88,10 @@ class Alarm:
     acknowledged_by: str = ""
     comments: tuple[Comment, ...] = ()
     opened_by: str = ""
+    urgency: str = ""
+    actions: tuple[AlarmAction, ...] = ()
+    silenced: str = ""
+    undoable: bool = False
 
     @property
     def key(self) -> Key:
@@ -84,8 +105,8 @@ class Alarm:
 
     @property
     def rings(self) -> bool:
-        """Whether the bell rings for it: not acknowledged, and not of a replay."""
-        return self.standing and self.source != REPLAY
+        """Whether the bell rings for it: not acknowledged, silenced, or of a replay."""
+        return self.standing and self.source != REPLAY and not self.silenced
 
 
 def of_detection(detection: Detection, source: str) -> Alarm:
@@ -124,6 +145,7 @@ def with_group(alarm: Alarm, group: AmbiguityGroup) -> Alarm:
         outcome=group.outcome,
         words=group.words,
         opened_by=group.opened_by or alarm.opened_by,
+        urgency=dict(group.to_do).get("urgency", alarm.urgency),
         verdict_ns=verdict_ns,
         members=members,
         closed_ns=NEVER_NS,
@@ -135,3 +157,16 @@ def with_symbols(alarm: Alarm, symbols: Symbols) -> Alarm:
     seen = {(s.residual, s.magnitude, s.slope) for s in alarm.deviations}
     new = tuple(s for s in symbols.symbols if (s.residual, s.magnitude, s.slope) not in seen)
     return replace(alarm, deviations=alarm.deviations + new) if new else alarm
+
+
+def as_of(alarm: Alarm, service: AlarmAction | None, now_ns: int) -> Alarm:
+    """The alarm at a moment of the wall clock: whether it is silenced, and what can be undone."""
+    shelving = (RemarkKind.SHELVED, RemarkKind.UNSHELVED)
+    last = next((a for a in reversed(alarm.actions) if a.kind in shelving), None)
+    shelved = last is not None and last.kind is RemarkKind.SHELVED and last.until_ns > now_ns
+    out = service is not None and service.kind is RemarkKind.OUT_OF_SERVICE
+    silenced = SHELVED if shelved else OUT if out else ""
+    undoable = 0 <= now_ns - alarm.acknowledged_ns < UNDO_NS and not alarm.standing
+    if (silenced, undoable) == (alarm.silenced, alarm.undoable):
+        return alarm
+    return replace(alarm, silenced=silenced, undoable=undoable)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from flea_diag.operator.alarm import Alarm, Key, Member
+from flea_diag.operator.alarm import OUT, REPLAY, SHELVED, Alarm, AlarmAction, Key, Member
+from flea_diag.operator.alarm_rate import rate_text
 from flea_diag.operator.panel import NS, Line, Panel, clock, share
 from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.state import OperatorState
@@ -78,6 +79,7 @@ def detail(alarm: Alarm, open_key: Key | None = None) -> Panel:
     ]
     lines.append(Line(f"episode  {lifetime(alarm, open_key)}"))
     lines.append(Line(f"standing {_standing(alarm)}"))
+    lines += [Line(f"action   {action_text(done)}") for done in alarm.actions]
     lines += [Line(f"comment  {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
     title = f"ALARM  {clock(alarm.detected_ns)} UTC  {cause(alarm)}"
     return Panel("alarm", title, tuple(lines))
@@ -90,11 +92,14 @@ def alarms(state: OperatorState) -> Panel | None:
     standing = [alarm for alarm in state.alarms if alarm.standing]
     latest = state.alarms[-MOST_SHOWN:]
     shown = [alarm for alarm in state.alarms if alarm.standing or alarm in latest]
-    title = f"EPISODES  {len(state.alarms)} kept, {len(standing)} not acknowledged"
+    rate = rate_text(alarm.detected_ns for alarm in state.alarms)
+    title = f"EPISODES  {len(state.alarms)} kept, {len(standing)} not acknowledged, {rate}"
     lines: list[Line] = []
     for alarm in reversed(shown):
-        text = f"{_flag(alarm)} {alarm_text(alarm)}  {lifetime(alarm, state.open_key)}"
+        first = "FIRST OUT " if alarm.key == first_out(state.alarms) else ""
+        text = f"{_flag(alarm)} {first}{alarm_text(alarm)}  {lifetime(alarm, state.open_key)}"
         lines.append(Line(text, _level(alarm), key_text(alarm.key)))
+        lines += [Line(f"    {action_text(done)}") for done in alarm.actions]
         lines += [Line(f"    {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
     return Panel("episodes", title, tuple(lines))
 
@@ -110,13 +115,30 @@ def marks(state: OperatorState) -> Panel | None:
     return Panel("marks", f"MARKS  {len(state.marks)} kept", tuple(lines))
 
 
+def action_text(done: AlarmAction) -> str:
+    """What was done by whom, until when and why."""
+    until = f" until {clock(done.until_ns)[:-4]} UTC" if done.until_ns != NEVER_NS else ""
+    why = f": {done.text}" if done.text else ""
+    return f"{clock(done.stamp_ns)[:-4]} {done.author}: {done.kind.value}{until}{why}"
+
+
+def first_out(alarms: tuple[Alarm, ...]) -> Key | None:
+    """The first of several alarms not acknowledged: what came later may follow from it."""
+    standing = [alarm for alarm in alarms if alarm.standing and alarm.source != REPLAY]
+    return standing[0].key if len(standing) > 1 else None
+
+
 def _flag(alarm: Alarm) -> str:
+    if alarm.silenced:
+        return {SHELVED: "shelved ", OUT: "out     "}[alarm.silenced]
     if alarm.standing:
         return "replay  " if not alarm.rings else "NEW     "
     return "acknowl."
 
 
 def _standing(alarm: Alarm) -> str:
+    if alarm.silenced:
+        return f"{alarm.silenced}: does not ring"
     if not alarm.standing:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
         return f"acknowledged at {clock(alarm.acknowledged_ns)} UTC{by}"

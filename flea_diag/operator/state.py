@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flea_diag.operator import alarm as alarms_of
-from flea_diag.operator.alarm import Alarm, Comment, Key
+from flea_diag.operator.alarm import Alarm, AlarmAction, Comment, Key
 from flea_diag.operator.stream import (
     StreamState,
     counted,
@@ -108,6 +108,7 @@ class OperatorState:
     features: tuple[AskedFeature, ...] = ()
     alarms: tuple[Alarm, ...] = ()
     marks: tuple[Comment, ...] = ()
+    service: AlarmAction | None = None
     streams: Mapping[str, StreamState] = field(default_factory=streams)
     health: Mapping[str, Health] = field(default_factory=dict)
     detection_arrived_ns: int = NEVER_NS
@@ -146,37 +147,6 @@ def aged(state: OperatorState, now_ns: int) -> OperatorState:
     if known or now_ns - state.detection_arrived_ns < ALONE_NS:
         return state
     return _with_alarm(state, alarm)
-
-
-def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
-    """Add the losses reported by the middleware, by topic name without leading slash."""
-    changed = {
-        name: replace(state.streams[name], lost=count)
-        for name, count in lost.items()
-        if name in state.streams and state.streams[name].lost != count
-    }
-    return replace(state, streams={**state.streams, **changed}) if changed else state
-
-
-def with_journal(
-    state: OperatorState, kept: tuple[Alarm, ...], marks: tuple[Comment, ...] = ()
-) -> OperatorState:
-    """Merge the content of a journal: older alarms, acknowledgements, comments and marks.
-
-    Detection and verdict of an alarm come from the records; remarks come from the journal.
-    """
-    known = {entry.key: entry for entry in kept}
-    for alarm in state.alarms:
-        said = known.get(alarm.key, alarm)
-        known[alarm.key] = replace(
-            alarm,
-            acknowledged_ns=said.acknowledged_ns,
-            acknowledged_by=said.acknowledged_by,
-            comments=said.comments,
-            deviations=alarm.deviations or said.deviations,
-        )
-    merged = sorted(known.values(), key=lambda entry: entry.detected_ns)
-    return replace(state, alarms=tuple(merged[-MOST_ALARMS:]), marks=marks)
 
 
 def _counted(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState:

@@ -7,6 +7,7 @@ import math
 from flea_diag.operator.action_view import ADVICE, GO_ON, STOP, action, parts
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
+from flea_diag.operator.alarm_view import action_text
 from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, OperatorState
@@ -21,6 +22,7 @@ from flea_diag.wire.records import (
     Detection,
     Level,
     Outcome,
+    RemarkKind,
     Residual,
     Scan,
 )
@@ -62,10 +64,18 @@ def chips(state: OperatorState, now_ns: int) -> Markup:
         tag("span", words, class_=f"chip {kind}"),
         tag("span", "↻ REPLAY", class_="chip replay") if replay else None,
         moment(stamp_ns, 0, class_="soft both"),
+        _out_of_service(state),
         tag("span", f"▲ {ringing} not acknowledged", class_="state warn") if ringing else None,
         tag("span", MUTE, class_="soft mute-note") if ringing else None,
         class_="chips",
     )
+
+
+def _out_of_service(state: OperatorState) -> Markup | None:
+    done = state.service
+    if done is None or done.kind is not RemarkKind.OUT_OF_SERVICE:
+        return None
+    return tag("span", "◼ ALARMS OUT OF SERVICE", class_="chip stale", title=action_text(done))
 
 
 def _is_replay(group: AmbiguityGroup | None) -> bool:

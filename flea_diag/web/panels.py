@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from flea_diag.operator.alarm import Alarm, Key
-from flea_diag.operator.alarm_view import cause, key_text, lifetime
+from flea_diag.operator.alarm import SHELVED, Alarm, Key
+from flea_diag.operator.alarm_rate import rate_text
+from flea_diag.operator.alarm_view import action_text, cause, first_out, key_text, lifetime
 from flea_diag.operator.quantity import number
 from flea_diag.operator.stand_view import quality_rows, stream_losses
 from flea_diag.operator.state import AskedFeature, OperatorState
@@ -34,6 +35,8 @@ TOTAL = "samples"
 MOST_MARKS = 20
 OVER = "○"
 """Symbol of an episode that is over."""
+PRIORITY = {"now": "priority 1", "soon": "priority 2", "planned": "priority 3"}
+"""Urgency by the catalogue -> priority of the alarm."""
 EPISODE_HEADS = ("detected", "by", "verdict", "remarks", "")
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
@@ -185,8 +188,10 @@ def episodes(state: OperatorState) -> Markup:
     if not state.alarms:
         return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
-    rows = [episode_row(alarm, state.open_key) for alarm in order]
-    return joined(ledger(EPISODE_HEADS, rows), _marks(state))
+    first = first_out(state.alarms)
+    rows = [episode_row(alarm, state.open_key, first=alarm.key == first) for alarm in order]
+    rate = tag("p", f"{rate_text(a.detected_ns for a in state.alarms)}.", class_="soft rate")
+    return joined(rate, ledger(EPISODE_HEADS, rows), _marks(state))
 
 
 def _marks(state: OperatorState) -> Markup | None:
@@ -197,7 +202,9 @@ def _marks(state: OperatorState) -> Markup | None:
     return joined(Markup("<br>"), ledger(("marked, UTC", "by", "text"), rows[:MOST_MARKS]))
 
 
-def episode_row(alarm: Alarm, open_key: Key | None, stand: str = "") -> tuple[object, ...]:
+def episode_row(
+    alarm: Alarm, open_key: Key | None, stand: str = "", first: bool = False
+) -> tuple[object, ...]:
     """Cells of an episode; its buttons name the stand where several are listed."""
     active = alarm.key == open_key and alarm.closed_ns == NEVER_NS
     verdict = joined(
@@ -206,33 +213,48 @@ def episode_row(alarm: Alarm, open_key: Key | None, stand: str = "") -> tuple[ob
         else tag("span", f"{OVER} {alarm.outcome.value}", class_="state over"),
         tag("span", in_short(alarm) or "no verdict yet", class_="comment"),
     )
-    said = [
+    said = [tag("span", action_text(done), class_="comment") for done in alarm.actions]
+    said += [
         tag("span", f"{clock(c.stamp_ns, 0)} {c.author}: {c.text}", class_="comment")
         for c in alarm.comments
     ]
     return (
         joined(
             moment(alarm.detected_ns),
+            tag("span", "first out", class_="state") if first else None,
+            tag("span", PRIORITY[alarm.urgency], class_="comment")
+            if alarm.urgency in PRIORITY
+            else None,
             tag("span", lifetime(alarm, open_key), class_="comment"),
             tag("span", _standing(alarm), class_="comment"),
         ),
         cause(alarm),
         verdict,
         joined(*said),
-        _buttons(f"{stand} {key_text(alarm.key)}".lstrip(), alarm.standing),
+        _buttons(f"{stand} {key_text(alarm.key)}".lstrip(), alarm),
     )
 
 
 def _standing(alarm: Alarm) -> str:
+    if alarm.silenced:
+        return f"{alarm.silenced}: does not ring"
     if alarm.acknowledged_ns != NEVER_NS:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
         return f"acknowledged {clock(alarm.acknowledged_ns, 0)}{by}"
     return "not acknowledged" if alarm.rings else "from a replay: does not ring"
 
 
-def _buttons(name: str, standing: bool) -> Markup:
-    said = tag("button", "Comment", type="button", data_opens="comment", data_alarm=name)
-    if not standing:
-        return tag("div", said, class_="actions")
-    acknowledge = tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)
-    return tag("div", acknowledge, said, class_="actions")
+def _buttons(name: str, alarm: Alarm) -> Markup:
+    """What can be done to an alarm now."""
+    found = [tag("button", "Comment", type="button", data_opens="comment", data_alarm=name)]
+    if alarm.undoable:
+        found.insert(0, tag("button", "Undo", type="button", data_act="undo", data_alarm=name))
+    if alarm.standing:
+        found.insert(
+            0, tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)
+        )
+    if alarm.silenced == SHELVED:
+        found.append(tag("button", "Unshelve", type="button", data_act="unshelve", data_alarm=name))
+    elif alarm.standing:
+        found.append(tag("button", "Shelve", type="button", data_opens="shelve", data_alarm=name))
+    return tag("div", *found, class_="actions")

@@ -151,7 +151,7 @@ def _episode_and_features(shown: Shown) -> object:
 
 
 def _said_by_people(shown: Shown) -> object:
-    return shown.state.alarms, shown.state.marks, shown.state.open_key
+    return shown.state.alarms, shown.state.marks, shown.state.service, shown.state.open_key
 
 
 PANELS = (

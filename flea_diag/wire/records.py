@@ -463,7 +463,8 @@ class Remark:
 
     The stamp of a mark is the marked moment, by the clock of the stand. A comment and an
     acknowledgement identify their episode by ``source`` and the stamp of its detection. A decision
-    on the unit holds for the one that was told from the calibrated ones at ``detected_ns``.
+    on the unit holds for the one that was told from the calibrated ones at ``detected_ns``. A
+    shelved alarm does not ring until ``until_ns``.
     """
 
     stamp_ns: int
@@ -472,6 +473,7 @@ class Remark:
     text: str = ""
     source: str = ""
     detected_ns: int = NEVER_NS
+    until_ns: int = NEVER_NS
 
 
 Record = (

@@ -75,11 +75,21 @@ class RemarkKind(str, Enum):
     ACKNOWLEDGED = "acknowledged"
     UNIT_ACCEPTED = "unit accepted"
     UNIT_REJECTED = "unit rejected"
+    WITHDRAWN = "acknowledgement withdrawn"
+    SHELVED = "shelved"
+    UNSHELVED = "unshelved"
+    OUT_OF_SERVICE = "out of service"
+    IN_SERVICE = "in service"
 
     @property
     def is_on_unit(self) -> bool:
         """Whether it decides that the unit on the stand is healthy, or takes that back."""
         return self in (RemarkKind.UNIT_ACCEPTED, RemarkKind.UNIT_REJECTED)
+
+    @property
+    def is_on_service(self) -> bool:
+        """Whether it takes the alarms of the whole stand out of service, or puts them back."""
+        return self in (RemarkKind.OUT_OF_SERVICE, RemarkKind.IN_SERVICE)
 
 
 class Quality(str, Enum):

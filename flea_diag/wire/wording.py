@@ -150,7 +150,8 @@ def _truth(truth: r.Truth, _: None) -> Words:
 
 
 def _remark(remark: r.Remark, _: None) -> Words:
-    alone = remark.kind is r.RemarkKind.MARK or remark.kind.is_on_unit
+    whole = remark.kind.is_on_unit or remark.kind.is_on_service
+    alone = remark.kind is r.RemarkKind.MARK or whole
     episode = "" if alone else " on an episode"
     said = f": {remark.text}" if remark.text else ""
     return Words(Level.OK, "remark", f"{remark.kind.value} by {remark.author}{episode}{said}")

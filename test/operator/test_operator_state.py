@@ -7,13 +7,12 @@ from dataclasses import replace
 import pytest
 from support.verdicts import FIRST, FLAG, LAST, MS, NOMINAL, START, shown
 
+from flea_diag.operator.journal_state import with_journal, with_losses
 from flea_diag.operator.state import (
     MOST_STEPS,
     MOST_SYMBOLS,
     OperatorState,
     aged,
-    with_journal,
-    with_losses,
 )
 from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (

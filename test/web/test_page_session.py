@@ -111,6 +111,30 @@ def test_the_charts_are_held_zoomed_and_kept(session: PageSession) -> None:
     session.z = (0.0, 4.7e-16, 0.0, 0.05)
 
 
+def test_an_alarm_is_undone_shelved_and_taken_out_of_service(session: PageSession) -> None:
+    browser, ringing = session.browser, "document.body.classList.contains('ringing')"
+    session.take(replace(LAST, detected_stamp_ns=START + 7))
+    browser.until(ringing)
+    browser.press("a")
+    browser.until(f"!{ringing}")
+    browser.run("(document.querySelector('[data-act=undo]').click(), true)")
+    browser.until(ringing)
+    browser.run("(document.querySelector('[data-opens=shelve]').click(), true)")
+    browser.press("part ordered", ENTER)
+    browser.until(f"!{ringing}")
+    browser.until_text("#panel-episodes", "shelved: does not ring")
+    browser.until_text("#panel-episodes", "part ordered")
+    browser.run("(document.querySelector('[data-act=unshelve]').click(), true)")
+    browser.until(ringing)
+    browser.press("o", "maintenance", ENTER)
+    browser.until_text(".chips", "ALARMS OUT OF SERVICE")
+    browser.until(f"!{ringing}")
+    session.desk.set_service(False, "done")
+    browser.until(ringing)
+    browser.press("a")
+    browser.until(f"!{ringing}")
+
+
 def test_light_and_dark_are_turned_and_remembered(session: PageSession) -> None:
     browser, dark = session.browser, "document.body.classList.contains('body--dark')"
     browser.theme("light")

@@ -15,10 +15,16 @@ from typing import Any, TypeVar
 
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import FORMATS, KEY, migrated
-from flea_diag.nodes.operator.alarm_row import LONGEST_RECORD, alarm_of, comment_of, text_of
+from flea_diag.nodes.operator.alarm_row import (
+    LONGEST_RECORD,
+    action_of,
+    alarm_of,
+    comment_of,
+    text_of,
+)
 from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.operator.alarm import Alarm, Comment, Key
+from flea_diag.operator.alarm import Alarm, AlarmAction, Comment, Key
 from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
 SCHEMA = """
@@ -29,8 +35,16 @@ CREATE TABLE IF NOT EXISTS alarm (
 CREATE TABLE IF NOT EXISTS comment (
     stand TEXT NOT NULL, source TEXT NOT NULL, detected_ns INTEGER NOT NULL,
     stamp_ns INTEGER NOT NULL, author TEXT NOT NULL, text TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS action (
+    stand TEXT NOT NULL, source TEXT NOT NULL, detected_ns INTEGER NOT NULL,
+    stamp_ns INTEGER NOT NULL, kind TEXT NOT NULL, author TEXT NOT NULL, text TEXT NOT NULL,
+    until_ns INTEGER NOT NULL,
+    PRIMARY KEY (stand, source, detected_ns, stamp_ns, kind, author));
 CREATE INDEX IF NOT EXISTS comment_alarm ON comment (stand, source, detected_ns);
 """
+SERVICE: Key = ("service", NEVER_NS)
+"""Source and detection stamp of what is done to all alarms of a stand."""
+ACTIONS = (RemarkKind.WITHDRAWN, RemarkKind.SHELVED, RemarkKind.UNSHELVED)
 MARK: Key = ("mark", NEVER_NS)
 """Source and detection stamp of a mark: a comment on a moment, without an alarm."""
 BUSY_S = 2.0
@@ -167,6 +181,9 @@ class AlarmJournal:
         if remark.kind is RemarkKind.ACKNOWLEDGED:
             self._acknowledge(key, remark.stamp_ns, remark.author)
             return
+        if remark.kind in ACTIONS or remark.kind.is_on_service:
+            self._act(SERVICE if remark.kind.is_on_service else key, remark)
+            return
         on_unit, text = remark.kind.is_on_unit, remark.text
         if on_unit:
             text = ": ".join(filter(None, (remark.kind.value, text)))
@@ -177,8 +194,43 @@ class AlarmJournal:
         """Acknowledge an alarm, unless it is unknown or already acknowledged."""
         self._rows(
             "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
-            "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1",
-            (stamp_ns, author[:LONGEST_NAME], self._stand, *key),
+            "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1 AND NOT EXISTS (SELECT 1 "
+            "FROM action WHERE stand = ? AND source = ? AND detected_ns = ? AND kind = ? "
+            "AND stamp_ns >= ?)",
+            (
+                stamp_ns, author[:LONGEST_NAME], self._stand, *key, self._stand, *key,
+                RemarkKind.WITHDRAWN.value, stamp_ns,
+            ),
+        )  # fmt: skip
+
+    def _act(self, key: Key, remark: Remark) -> None:
+        """Store what was done; an acknowledgement that is withdrawn is none."""
+        if remark.kind is RemarkKind.WITHDRAWN:
+            self._rows(
+                "UPDATE alarm SET acknowledged_ns = -1, acknowledged_by = '' WHERE stand = ? "
+                "AND source = ? AND detected_ns = ? AND acknowledged_ns <= ?",
+                (self._stand, *key, remark.stamp_ns),
+            )
+        said = remark.author[:LONGEST_NAME], remark.text.strip()[:LONGEST_TEXT], remark.until_ns
+        self._rows(
+            "INSERT INTO action VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+            (self._stand, *key, remark.stamp_ns, remark.kind.value, *said),
+        )
+
+    def service(self) -> AlarmAction | None:
+        """What was last done to all alarms of the stand."""
+        return next(reversed(self._actions(SERVICE)), None)
+
+    def _actions(self, key: Key) -> tuple[AlarmAction, ...]:
+        rows = self._rows(
+            "SELECT stamp_ns, kind, author, text, until_ns FROM action WHERE stand = ? "
+            "AND source = ? AND detected_ns = ? ORDER BY stamp_ns DESC, rowid DESC LIMIT ?",
+            (self._stand, *key, MOST_COMMENTS),
+        )
+        return tuple(
+            action
+            for row in reversed(rows)
+            for action in self._read((*key, row[0]), action_of, *row)
         )
 
     def _comment(self, key: Key, comment: Comment) -> None:
@@ -203,7 +255,10 @@ class AlarmJournal:
             (LONGEST_RECORD, self._stand, most),
         )
         read = [alarm for row in reversed(rows) for alarm in self._read(row[:2], alarm_of, *row)]
-        return tuple(replace(alarm, comments=self._comments(alarm.key)) for alarm in read)
+        return tuple(
+            replace(alarm, comments=self._comments(alarm.key), actions=self._actions(alarm.key))
+            for alarm in read
+        )
 
     def marks(self, most: int = 100) -> tuple[Comment, ...]:
         """The latest marks, oldest first."""

@@ -8,12 +8,14 @@ from dataclasses import asdict, fields
 from flea_diag.errors import shown
 from flea_diag.fields.reader import read_as
 from flea_diag.fields.values import ANY
-from flea_diag.operator.alarm import Alarm, Comment
+from flea_diag.operator.alarm import Alarm, AlarmAction, Comment
 from flea_diag.wire.json_text import parse_json
 
 LONGEST_RECORD = 1 << 20
 """Characters."""
-LEFT_OUT = ("acknowledged_ns", "acknowledged_by", "comments")
+LEFT_OUT = (
+    "acknowledged_ns", "acknowledged_by", "comments", "actions", "silenced", "undoable",
+)  # fmt: skip
 """Fields of an alarm that are stored in columns of their own."""
 ALWAYS = ("outcome", "members", "deviations")
 """Fields that every record has; their defaults are for an alarm that has just begun."""
@@ -45,12 +47,27 @@ def alarm_of(
         raise ValueError(f"its record = {shown(content)} must be a mapping")
     if missing := [name for name in ALWAYS if name not in content]:
         raise ValueError(f"its record has no {missing[0]!r}")
-    content |= {"acknowledged_ns": acknowledged_ns, "acknowledged_by": author, "comments": ()}
+    content |= {
+        "acknowledged_ns": acknowledged_ns,
+        "acknowledged_by": author,
+        "comments": (),
+        "actions": (),
+    }
     known = {entry.name: content[entry.name] for entry in fields(Alarm) if entry.name in content}
     alarm = read_as(Alarm, known, error=ValueError, magnitudes=ANY)
     if alarm.key != (source, detected_ns):
         raise ValueError("its record is that of another alarm")
     return alarm
+
+
+def action_of(
+    stamp_ns: object, kind: object, author: object, text: object, until_ns: object
+) -> AlarmAction:
+    """Action of a row; raises ValueError."""
+    content = {
+        "stamp_ns": stamp_ns, "kind": kind, "author": author, "text": text, "until_ns": until_ns,
+    }  # fmt: skip
+    return read_as(AlarmAction, content, error=ValueError)
 
 
 def comment_of(stamp_ns: object, author: object, text: object) -> Comment:

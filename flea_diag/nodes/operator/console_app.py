@@ -26,6 +26,7 @@ from flea_diag.operator.view import view
 from flea_diag.wire.records import Level
 
 REDRAW_S = 0.2
+MOST_DIGITS = 6
 
 LEFT = ("todo", "possible", "why", "next", "steps", "dropped", "unseen")
 RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
@@ -57,6 +58,9 @@ class ConsoleScreen(Screen[None]):
     BINDINGS = (
         Binding("a", "acknowledge", "Acknowledge"),
         Binding("c", "comment", "Comment"),
+        Binding("z", "withdraw", "Undo"),
+        Binding("s", "shelve", "Shelve"),
+        Binding("o", "service", "Service"),
         Binding("m", "mark", "Mark"),
         Binding("u", "accept_unit", "Accept unit"),
         Binding("i", "inject", "Inject (simulated)"),
@@ -193,6 +197,43 @@ class ConsoleScreen(Screen[None]):
             Ask(f"Comment on {question}", "finding, action taken"),
             lambda text: self._desk.comment(alarm.key, text) if text else None,
         )
+
+    def action_withdraw(self) -> None:
+        """Withdraw the latest acknowledgement, as long as it can be."""
+        undoable = [alarm for alarm in self._desk.state.alarms if alarm.undoable]
+        if not undoable:
+            self._tell("no acknowledgement of the last 10 s to withdraw")
+            return
+        self._desk.withdraw(max(undoable, key=lambda alarm: alarm.acknowledged_ns).key)
+        self.redraw()
+
+    def action_shelve(self) -> None:
+        """Ask for how long the selected alarm is shelved, and why."""
+        alarm = self._chosen_alarm()
+        if alarm is None:
+            self._tell("no alarm to shelve")
+            return
+
+        def shelved(text: str | None) -> None:
+            minutes, _, reason = (text or "").strip().partition(" ")
+            if minutes.isdecimal() and len(minutes) < MOST_DIGITS and (reason or minutes == "0"):
+                self._desk.shelve(alarm.key, int(minutes), reason)
+            elif text:
+                self._tell(f"not shelved: {text!r} is no number of minutes and a reason")
+
+        self.app.push_screen(Ask("Shelve this alarm: minutes, reason", "60 part ordered"), shelved)
+
+    def action_service(self) -> None:
+        """Ask why the alarms of this stand go out of service, or come back."""
+
+        def told(text: str | None) -> None:
+            where, _, reason = (text or "").strip().partition(" ")
+            if where in ("out", "in") and reason:
+                self._desk.set_service(where == "out", reason)
+            elif text:
+                self._tell(f"{text!r} is not 'out' or 'in' and a reason")
+
+        self.app.push_screen(Ask("Alarms of this stand: out or in, why", "out maintenance"), told)
 
     def action_mark(self) -> None:
         """Ask for the text of a mark; its stamp is the moment of the key press."""

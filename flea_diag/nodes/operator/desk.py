@@ -16,14 +16,8 @@ from flea_diag.errors import RecordingError
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal, default_path
 from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.fault_entry import FaultEntry, NoFaults
-from flea_diag.operator.state import (
-    SHOWN,
-    OperatorState,
-    aged,
-    fold,
-    with_journal,
-    with_losses,
-)
+from flea_diag.operator.journal_state import as_of, with_journal, with_losses
+from flea_diag.operator.state import SHOWN, OperatorState, aged, fold
 from flea_diag.operator.unit_decision import decision, unit_in_question
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import NEVER_NS, Record, Remark, RemarkKind, Scan
@@ -86,6 +80,7 @@ class Desk:
             self.state = with_losses(aged(self.state, self.now_ns()), lost or {})
             self._note()
             self._kept(self._read)
+            self.state = as_of(self.state, time.time_ns())
 
     def _note(self) -> None:
         if self._openings != self._journal.openings:
@@ -103,7 +98,9 @@ class Desk:
             self._reread()
 
     def _reread(self) -> None:
-        self.state = with_journal(self.state, self._journal.alarms(), self._journal.marks())
+        journal = self._journal
+        self.state = with_journal(self.state, journal.alarms(), journal.marks(), journal.service())
+        self.state = as_of(self.state, time.time_ns())
         self._noted = {alarm.key: alarm for alarm in self.state.alarms}
 
     def _kept(self, call: Callable[..., Any], *arguments: Any) -> bool:
@@ -121,6 +118,22 @@ class Desk:
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
         self._say(Remark(time.time_ns(), RemarkKind.ACKNOWLEDGED, self._author, "", *key))
+
+    def withdraw(self, key: Key) -> None:
+        """Withdraw the acknowledgement of one alarm; it rings again."""
+        self._say(Remark(time.time_ns(), RemarkKind.WITHDRAWN, self._author, "", *key))
+
+    def shelve(self, key: Key, minutes: int, reason: str) -> None:
+        """Silence one alarm for so long, for a reason; 0 minutes: no longer."""
+        now_ns = time.time_ns()
+        kind = RemarkKind.SHELVED if minutes > 0 else RemarkKind.UNSHELVED
+        until_ns = now_ns + minutes * 60 * 10**9 if minutes > 0 else NEVER_NS
+        self._say(Remark(now_ns, kind, self._author, reason, *key, until_ns))
+
+    def set_service(self, out: bool, reason: str) -> None:
+        """Take all alarms of the stand out of service for a reason, or put them back."""
+        kind = RemarkKind.OUT_OF_SERVICE if out else RemarkKind.IN_SERVICE
+        self._say(Remark(time.time_ns(), kind, self._author, reason))
 
     def comment(self, key: Key, text: str) -> None:
         """Comment on one alarm."""

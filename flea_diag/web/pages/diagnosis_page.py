@@ -29,10 +29,15 @@ ORDER = (
 )  # fmt: skip
 """Order of the page: verdict, evidence, history, status of the stand."""
 DIGITS = "1234567890"
+SHELVED_FOR = (("10", "10 minutes"), ("60", "1 hour"), ("480", "8 hours, a shift"))
+"""Minutes for which an alarm can be shelved."""
+OUT_NOW, IN_NOW = "out", "in"
+SERVICE = ((OUT_NOW, "out of service"), (IN_NOW, "in service"))
 KEYS = (
     ("a", "acknowledge the latest episode"),
     ("c", "comment on the latest episode"),
     ("m", "mark this moment"),
+    ("o", "take the alarms of this stand out of service, or put them back"),
     ("u", "accept a unit as healthy that differs by more than the calibration allows"),
     ("i", "inject a fault (simulated stand only)"),
     ("1 … 9, 0", "go to a panel, in page order"),
@@ -53,6 +58,15 @@ class OperatorNode(Protocol):
 
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
+
+    def withdraw(self, key: Key) -> None:
+        """Withdraw an acknowledgement."""
+
+    def shelve(self, key: Key, minutes: int, reason: str) -> None:
+        """Silence one alarm for so long; 0: no longer."""
+
+    def set_service(self, out: bool, reason: str) -> None:
+        """Take all alarms out of service, or put them back."""
 
     def comment(self, key: Key, text: str) -> None:
         """Comment on one alarm."""
@@ -108,6 +122,7 @@ class DiagnosisPage(Frame):
 
     def more(self) -> None:
         """Add the buttons that a narrow bar keeps in a menu."""
+        button("Service", "o", opens="service")
         self._accept = button("Accept unit", "u", opens="unit")
         self._accept.set_visibility(False)
         self._injection = InjectionDialog(self._desk)
@@ -117,6 +132,16 @@ class DiagnosisPage(Frame):
         TextDialog(
             "comment", "Comment on the episode", self._comment, example="finding, action taken",
             field="Comment",
+        )  # fmt: skip
+        TextDialog(
+            "shelve", "Shelve this alarm", self._shelve, field="Reason", example="part ordered",
+            choices=SHELVED_FOR, chosen="For", save="Shelve",
+            about="It does not ring until then, and stays in the list.",
+        )  # fmt: skip
+        TextDialog(
+            "service", "Alarms of this stand", self._set_service, field="Reason",
+            example="maintenance until noon", choices=SERVICE, chosen="Alarms",
+            about="Out of service they do not ring; they are kept, and the bar says so.",
         )  # fmt: skip
         TextDialog("mark", "Mark this moment", self._mark, preset="mark", opened=self._hold_moment)
         self._injection.add_dialog()
@@ -177,8 +202,16 @@ class DiagnosisPage(Frame):
     def _act(self, event: Any) -> None:
         act, _, name = str(event.args).partition(" ")
         alarm = self._alarm(name)
-        if alarm is not None and act == "ack":
+        if alarm is None:
+            return
+        if act == "ack":
             self._acknowledge(alarm)
+        elif act == "undo" and alarm.undoable:
+            self._desk.withdraw(alarm.key)
+            self.tell("The acknowledgement is withdrawn.")
+        elif act == "unshelve":
+            self._desk.shelve(alarm.key, 0, "")
+            self.tell("It rings again.")
 
     def _alarm(self, name: str) -> Alarm | None:
         return next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
@@ -200,6 +233,16 @@ class DiagnosisPage(Frame):
             self.tell("Not saved: there is no such episode any more.")
             return
         self._desk.comment(alarm.key, said.text)
+        self.tell("Saved.")
+
+    def _shelve(self, said: Said) -> None:
+        alarm = self._alarm(said.alarm)
+        if alarm is not None and said.choice in dict(SHELVED_FOR):
+            self._desk.shelve(alarm.key, int(said.choice), said.text)
+            self.tell("Shelved.")
+
+    def _set_service(self, said: Said) -> None:
+        self._desk.set_service(said.choice == OUT_NOW, said.text)
         self.tell("Saved.")
 
     def _decide_on_unit(self, said: Said) -> None:

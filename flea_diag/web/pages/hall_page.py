@@ -12,7 +12,7 @@ from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.hall_view import all_alarms
 from flea_diag.web.hall_panels import HallView
 from flea_diag.web.pages.button import button
-from flea_diag.web.pages.diagnosis_page import OperatorNode
+from flea_diag.web.pages.diagnosis_page import SHELVED_FOR, OperatorNode
 from flea_diag.web.pages.elements import PanelBody, section
 from flea_diag.web.pages.frame import Frame
 from flea_diag.web.pages.text_dialog import Said, TextDialog
@@ -58,6 +58,10 @@ class HallPage(Frame):
 
     def panels(self) -> None:
         """Add the panels of this page."""
+        TextDialog(
+            "shelve", "Shelve this alarm", self._shelve, field="Reason", choices=SHELVED_FOR,
+            chosen="For", save="Shelve",
+        )  # fmt: skip
         TextDialog("comment", "Comment on the episode", self._comment, field="Comment")
         for name, key, title in (
             ("stands", "s", "Stands, the worst first"),
@@ -82,6 +86,10 @@ class HallPage(Frame):
         desk, alarm = self._alarm(name)
         if desk is not None and alarm is not None and act == "ack":
             self._acknowledge(desk, alarm)
+        elif desk is not None and alarm is not None and act == "undo" and alarm.undoable:
+            desk.withdraw(alarm.key)
+        elif desk is not None and alarm is not None and act == "unshelve":
+            desk.shelve(alarm.key, 0, "")
 
     def _alarm(self, name: str) -> tuple[OperatorNode | None, Alarm | None]:
         """Desk and alarm of a button: the name of the stand, and the key."""
@@ -111,3 +119,10 @@ class HallPage(Frame):
         self._used = desk
         desk.comment(alarm.key, said.text)
         self.tell("Saved.")
+
+    def _shelve(self, said: Said) -> None:
+        desk, alarm = self._alarm(said.alarm)
+        if desk is not None and alarm is not None and said.choice in dict(SHELVED_FOR):
+            self._used = desk
+            desk.shelve(alarm.key, int(said.choice), said.text)
+            self.tell("Shelved.")
