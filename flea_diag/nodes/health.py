@@ -33,6 +33,11 @@ class HealthReport:
         self._cpu_s, self._wall_s = time.process_time(), time.monotonic()
 
     @property
+    def waiting(self) -> bool:
+        """Whether no record of a stream has been taken yet."""
+        return self._last_taken_s is None
+
+    @property
     def silent(self) -> bool:
         """Whether a stream that was running has stopped."""
         return self._last_taken_s is not None and self._silent_s > SILENT_AFTER_S

@@ -14,7 +14,7 @@ from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.stage.inbox import Inbox, Turns
 from flea_diag.nodes.stage.output import StageOutput
 from flea_diag.nodes.stage.ports import StagePorts
-from flea_diag.nodes.stage.stream_stamps import StreamStamps
+from flea_diag.nodes.stage.stream_stamps import STREAMS, StreamStamps
 from flea_diag.nodes.stage.verdict_memory import VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.stages.pipeline import Pipeline
@@ -27,6 +27,8 @@ SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality, AmbiguityGroup)
 
 REPEAT_S = 1.0
 WATCH_S = 0.1
+UNHEARD_S = 5
+"""Seconds after which a node that has had no record says so in its log."""
 
 
 class Adapter:
@@ -63,6 +65,9 @@ class Adapter:
         self._parameters = parameters
         self._stage = self._build(parameters)
         self._memory = memory
+        self._waited = 0
+        """Seconds without a first record."""
+        self._reads = tuple(filter(ports.reads, self._stage.consumes))
         self._health = HealthReport(bus)
         self._stamps = StreamStamps(self._health, self._new_run)
         self._output = StageOutput(bus, self._health, self._keep)
@@ -72,12 +77,11 @@ class Adapter:
             self._take(kept)
         bus.advertise(*ports.publishes, Health)
         inbox = None if turns is None else Inbox(bus, turns, self._take, self._take_block)
-        for record_type in self._stage.consumes:
-            if ports.reads(record_type):
-                if inbox is None:
-                    bus.subscribe(record_type, self._take)
-                else:
-                    inbox.subscribe(record_type)
+        for record_type in self._reads:
+            if inbox is None:
+                bus.subscribe(record_type, self._take)
+            else:
+                inbox.subscribe(record_type)
         if hasattr(self._stage, "reset"):
             bus.serve_trigger("~/reset", self._reset)
         bus.on_parameters(self._reconfigure)
@@ -147,8 +151,23 @@ class Adapter:
         self._output.note_silence()
 
     def _repeat(self) -> None:
+        self._waited += self._health.waiting
+        if self._waited == UNHEARD_S:
+            self._waited += 1
+            self._tell_unheard()
         self._output.repeat(getattr(self._stage, "report", lambda: None)())
         self._bus.publish(self._health.record())
+
+    def _tell_unheard(self) -> None:
+        """Say once which topic brings nothing: a name or a namespace is easily another one."""
+        streams = [kind for kind in self._reads if kind in STREAMS]
+        nobody = [kind for kind in streams if not self._bus.writers(kind)]
+        topics = ", ".join(map(self._bus.full_name, nobody or streams))
+        why = "which nobody publishes" if nobody else "which is published, and brings nothing"
+        self._bus.caution(
+            f"no record yet on {topics}, {why}: check that its source runs, and names and "
+            "namespaces (ros2 topic info)"
+        )
 
 
 def _pipeline(stage: Stage) -> Pipeline:

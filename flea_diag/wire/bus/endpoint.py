@@ -321,6 +321,10 @@ class Bus(NodeLog, Generic[P]):
         """Number of subscriptions to the topic of a record type, in any process."""
         return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
 
+    def writers(self, record_type: type) -> int:
+        """Number of publishers of the topic of a record type, in any process."""
+        return int(self._node.count_publishers(self.topic_name(TOPIC_OF[record_type])))
+
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
     ) -> bool:

@@ -257,6 +257,9 @@ def test_health_says_what_it_waits_for(stand: Stand) -> None:
     waiting = stand.peer.find(lambda r: isinstance(r, Health) and "waiting" in r.message)
     assert waiting.node == "toy"
     assert waiting.level == Level.WARN
+    output = stand.peer.process.wait_for("(ros2 topic info)", 20.0)  # type: ignore[attr-defined]
+    # The peer has a publisher of it, and has published nothing.
+    assert "no record yet on /sensors/slow, which is published, and brings nothing" in output
 
 
 def test_reset_closes_the_episode(stand: Stand) -> None:
