@@ -57,7 +57,9 @@ def recording_of(
     read = {each: columns[each] for each in columns if each not in TIMES}
     known = channels_of(stand)
     _check_names(read, stand, told)
-    values = np.column_stack([_numbers(each, read[each], len(stamps)) for each in read])
+    values = np.column_stack(
+        [_numbers(each, read[each], len(stamps), each in told) for each in read]
+    )
     rate = 1e9 / float(np.median(np.diff(stamps)))
     rows = tuple(_info(each, given.get(each, known.get(each, "")), rate, told.get(each))
                  for each in read)  # fmt: skip
@@ -230,8 +232,11 @@ def _some(names: Mapping[str, Any]) -> str:
     return ", ".join(names)
 
 
-def _numbers(name: str, values: Any, count: int) -> Array:
-    """A column as float64, NaN where nothing was measured."""
+def _numbers(name: str, values: Any, count: int, may_be_empty: bool) -> Array:
+    """A column as float64, NaN where nothing was measured.
+
+    A recording may know of a channel that it has no reading of, a frame of one's own may not.
+    """
     if values.shape != (count,):
         raise RecordingError(
             f"column {shown(name)} has shape {values.shape}, the rows have ({count},): give one "
@@ -249,7 +254,7 @@ def _numbers(name: str, values: Any, count: int) -> Array:
         raise RecordingError(
             f"column {shown(name)}: row {row} is infinite: give NaN for no reading"
         )
-    if np.isnan(numbers).all():
+    if np.isnan(numbers).all() and not may_be_empty:
         raise RecordingError(f"column {shown(name)} holds no reading (all NaN): drop it")
     return np.asarray(numbers)
 

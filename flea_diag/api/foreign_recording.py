@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flea_diag.api.columns import TIMES, recording_of
 from flea_diag.api.recording import Recording, kept
 from flea_diag.api.stand_facts import channels_of, files_of, mapping_of
@@ -83,7 +85,8 @@ def _named_table(path: Path, stand: Stand | None) -> Recording:
     known = files_of(stand)
     names = (*TIMES, *channels_of(known))
     named = {name: values for name, values in columns.items() if name in names}
-    made = recording_of(named, known, name=stem_of(path))
+    read = {name: values for name, values in named.items() if np.isfinite(values).any()}
+    made = recording_of(read, known, name=stem_of(path))
     return kept(made.name, made.records((object,)), known if stand is not None else None)
 
 

@@ -94,8 +94,28 @@ def test_tables_are_written_and_read(run: fd.Recording, tmp_path: Path) -> None:
         run.table.save(tmp_path / "run.xls")
 
 
+def test_a_channel_that_was_not_recorded_is_no_reason_to_refuse(
+    run: fd.Recording, tmp_path: Path
+) -> None:
+    """Real recordings of the FLEA name a load position, and have none."""
+    frame = run.frame()
+    frame["load_position"] = np.nan
+    assert fd.diagnose(frame, residuals=False).group[0].fault == "winding_short"
+    table = fd.Table({**run.table, "load_position": np.full(run.table.rows, np.nan)})
+    again = fd.open(table.save(tmp_path / "run.csv"))
+    assert "load_position" not in again.table
+    without = fd.diagnose(run.frame().drop(columns="load_position"), residuals=False)
+    assert fd.diagnose(again, residuals=False).outcome == without.outcome
+
+
 def bad(frame: Any, **changes: Any) -> Any:
     return frame.assign(**changes)
+
+
+def _own(frame: Any) -> Any:
+    """A frame that no recording was made into."""
+    frame.attrs = {}
+    return frame
 
 
 WRONG: dict[str, tuple[Any, str]] = {
@@ -110,7 +130,10 @@ WRONG: dict[str, tuple[Any, str]] = {
         r"row 2 .* repeats the time .*duplicated",
     ),
     "words": (lambda f: bad(f, motor_current="off"), "'motor_current' is of type .* 'off' in it"),
-    "NaN": (lambda f: bad(f, motor_current=np.nan), "'motor_current' holds no reading .*: drop it"),
+    "NaN": (
+        lambda f: _own(bad(f, motor_current=np.nan)),
+        "'motor_current' holds no reading .*: drop it",
+    ),
     "inf": (lambda f: bad(f, motor_current=np.inf), "'motor_current': row 0 is infinite"),
     "no times": (
         lambda f: f.reset_index(drop=True),
