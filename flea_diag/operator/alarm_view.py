@@ -129,7 +129,7 @@ def first_out(alarms: tuple[Alarm, ...]) -> Key | None:
 
 
 def _flag(alarm: Alarm) -> str:
-    if alarm.silenced:
+    if alarm.silenced and alarm.standing:
         return {SHELVED: "shelved ", OUT: "out     "}[alarm.silenced]
     if alarm.standing:
         return "replay  " if not alarm.rings else "NEW     "
@@ -137,7 +137,7 @@ def _flag(alarm: Alarm) -> str:
 
 
 def _standing(alarm: Alarm) -> str:
-    if alarm.silenced:
+    if alarm.silenced and alarm.standing:
         return f"{alarm.silenced}: does not ring"
     if not alarm.standing:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""

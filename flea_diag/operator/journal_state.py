@@ -1,4 +1,4 @@
-"""What a state takes from elsewhere than records: the journal, the clock, counts of losses."""
+"""What a state takes from elsewhere than the stand: journal, remarks, clock, counts of losses."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 from flea_diag.operator import alarm as alarms_of
 from flea_diag.operator.alarm import Alarm, AlarmAction, Comment
 from flea_diag.operator.state import MOST_ALARMS, OperatorState
+from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
 
 def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
@@ -51,3 +52,36 @@ def as_of(state: OperatorState, wall_ns: int) -> OperatorState:
     if all(new is old for new, old in zip(alarms, state.alarms, strict=True)):
         return state
     return replace(state, alarms=alarms)
+
+
+# --- a recording, which has no journal: remarks alone
+
+ACTIONS = (RemarkKind.WITHDRAWN, RemarkKind.SHELVED, RemarkKind.UNSHELVED)
+
+
+def with_remark(state: OperatorState, remark: Remark) -> OperatorState:
+    """State after one remark; a remark on an alarm that is not there says nothing."""
+    said = Comment(remark.stamp_ns, remark.author, remark.text)
+    if remark.kind is RemarkKind.MARK or remark.kind.is_on_unit:
+        return replace(state, marks=(*state.marks, said))
+    if remark.kind.is_on_service:
+        return replace(state, service=_action(remark))
+    key = remark.source, remark.detected_ns
+    alarms = tuple(_told(a, remark, said) if a.key == key else a for a in state.alarms)
+    return replace(state, alarms=alarms)
+
+
+def _action(remark: Remark) -> AlarmAction:
+    return AlarmAction(remark.stamp_ns, remark.kind, remark.author, remark.text, remark.until_ns)
+
+
+def _told(alarm: Alarm, remark: Remark, said: Comment) -> Alarm:
+    if remark.kind is RemarkKind.COMMENT:
+        return replace(alarm, comments=(*alarm.comments, said))
+    if remark.kind in ACTIONS:
+        alarm = replace(alarm, actions=(*alarm.actions, _action(remark)))
+    if remark.kind is RemarkKind.WITHDRAWN:
+        return replace(alarm, acknowledged_ns=NEVER_NS, acknowledged_by="")
+    if remark.kind is RemarkKind.ACKNOWLEDGED and alarm.standing:
+        return replace(alarm, acknowledged_ns=remark.stamp_ns, acknowledged_by=remark.author)
+    return alarm

@@ -39,6 +39,7 @@ MODULES = {
     "diff": "score.diff",
     "trend": "replay.trend",
     "events": "replay.events",
+    "report": "replay.report",
     "bag": "bags.check",
     "recover": "bags.recover",
 }

@@ -236,7 +236,7 @@ def episode_row(
 
 
 def _standing(alarm: Alarm) -> str:
-    if alarm.silenced:
+    if alarm.silenced and alarm.standing:
         return f"{alarm.silenced}: does not ring"
     if alarm.acknowledged_ns != NEVER_NS:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""

@@ -198,7 +198,7 @@ def test_a_typo_is_blamed_on_the_word_that_is_wrong(
 
 def test_the_shell_is_told_what_may_come_next(tmp_path: Path) -> None:
     answer = tmp_path / "answer"
-    asked = {"COMP_LINE": "flea rep", "COMP_POINT": "8", "_ARGCOMPLETE": "1"}
+    asked = {"COMP_LINE": "flea repl", "COMP_POINT": "9", "_ARGCOMPLETE": "1"}
     where = {"_ARGCOMPLETE_STDOUT_FILENAME": str(answer)}
     command = [sys.executable, "-m", "flea_diag.tools.main"]
     subprocess.run(command, env={**os.environ, **asked, **where}, check=True)

@@ -135,6 +135,15 @@ def test_an_alarm_is_undone_shelved_and_taken_out_of_service(session: PageSessio
     browser.until(f"!{ringing}")
 
 
+def test_the_report_of_the_shift_is_one_address(session: PageSession) -> None:
+    browser = session.browser
+    browser.open(f"{session.url}report")
+    assert browser.title() == "Shift report: flea_diag · bay"
+    assert "ISOLATED" in browser.text("table")
+    browser.open(session.url)
+    browser.until_text(".chips", "LIVE")
+
+
 def test_light_and_dark_are_turned_and_remembered(session: PageSession) -> None:
     browser, dark = session.browser, "document.body.classList.contains('body--dark')"
     browser.theme("light")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
+from flea_diag import __version__
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
@@ -91,7 +92,7 @@ def _serve_stand(
 ) -> Callable[[], None]:
     tools = picture_tools(parameters.stand)
     desk = Desk(open_journal(parameters.journal, bus), _author(parameters))
-    site.serve_stand(desk, tools, title)
+    site.serve_stand(desk, tools, title, (("flea_diag", __version__),))
     connect(bus, desk)
     return desk.close
 

@@ -13,6 +13,7 @@ from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
+from flea_diag.web.markup import tag
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.charts import CHARTS, NOTES, Chart, Marks, controls
 from flea_diag.web.pages.elements import PanelBody, Strips, section
@@ -106,7 +107,7 @@ class DiagnosisPage(Frame):
         client: Client,
         listed: bool = False,
     ) -> None:
-        self._desk = desk
+        self._desk, self._listed = desk, listed
         self._bodies: dict[str, PanelBody] = {}
         self._charts: list[Chart] = []
         self._moment_ns = NEVER_NS
@@ -123,6 +124,9 @@ class DiagnosisPage(Frame):
     def more(self) -> None:
         """Add the buttons that a narrow bar keeps in a menu."""
         button("Service", "o", opens="service")
+        if not self._listed:
+            link = tag("a", "Report", href="/report", target="_blank", class_="button")
+            ui.html(str(link), sanitize=False)
         self._accept = button("Accept unit", "u", opens="unit")
         self._accept.set_visibility(False)
         self._injection = InjectionDialog(self._desk)

@@ -9,12 +9,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from nicegui import Client, app, ui
 
+from flea_diag.operator.shift_report import shift_report
 from flea_diag.web.guard import STAND_PATH
 from flea_diag.web.markup import joined
 from flea_diag.web.pages.diagnosis_page import OperatorNode
@@ -24,6 +25,7 @@ from flea_diag.web.view import Tools
 PERIOD_S = 0.1
 CONNECT_S = 15.0
 """Time within which a browser that has loaded the page must connect, or reload it."""
+REPORT_PATH = "/report"
 MOST_KINDS = 10
 """Kinds of error that are reported."""
 
@@ -47,14 +49,20 @@ class Site:
         app.on_startup(self._run)
         app.on_delete(self._leave)
 
-    def serve_stand(self, desk: OperatorNode, tools: Tools, title: str) -> None:
-        """Serve the page of one stand."""
+    def serve_stand(
+        self, desk: OperatorNode, tools: Tools, title: str, facts: Sequence[tuple[str, str]] = ()
+    ) -> None:
+        """Serve the page of one stand, and the report of its shift; ``facts`` are lines of that."""
         room = self._room = StandRoom(desk, tools, joined(title), self.wake)
 
         def page(client: Client) -> None:
             room.enter(client)
 
+        def report() -> HTMLResponse:
+            return HTMLResponse(shift_report(desk.state, title, time.time_ns(), facts))
+
         ui.page("/", title=title)(page)
+        app.add_api_route(REPORT_PATH, report)
 
     def serve_hall(self, hall: Stands, tools_of: Callable[[str], Tools], title: str) -> None:
         """Serve the list of all stands, and the page of each."""

@@ -1,0 +1,84 @@
+"""The report of a shift: journal, page and report agree; nothing in it is markup of others."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from support.places import ROOT
+from support.verdicts import FLAG, LAST, NOMINAL, START, shown
+
+from flea_diag.nodes.operator.alarm_journal import AlarmJournal
+from flea_diag.nodes.operator.desk import Desk
+from flea_diag.operator.alarm_view import cause
+from flea_diag.operator.shift_report import shift_report
+from flea_diag.operator.state import OperatorState
+from flea_diag.tools.main import main
+from flea_diag.tools.replay.report import shift
+from flea_diag.web.panels import episodes
+from flea_diag.wire.records import Record
+
+MADE = START + 3600 * 10**9
+
+
+def test_desk_and_recording_give_the_same_report(tmp_path: Path) -> None:
+    """What a screen keeps in its journal and what the recorder keeps of it are one shift."""
+    kept: list[Record] = []
+    desk = Desk(AlarmJournal(tmp_path / "a.sqlite"), "Ada")
+    desk.on_remark.append(kept.append)
+    for record in (NOMINAL, FLAG, LAST):
+        desk.take(record)
+        kept.append(record)
+    (alarm,) = desk.state.alarms
+    desk.acknowledge(alarm.key)
+    desk.withdraw(alarm.key)
+    desk.shelve(alarm.key, 10, "part ordered")
+    desk.comment(alarm.key, "nut is <hot>")
+    desk.mark("load changed", START + 10**9)
+    desk.acknowledge(alarm.key)
+    report = shift_report(desk.state, "bay", MADE)
+    assert report == shift_report(shift(kept), "bay", MADE)
+    for words in (
+        "part ordered",
+        "nut is &lt;hot&gt;",
+        "load changed",
+        "withdrawn",
+    ):
+        assert words in report
+    (alarm,) = desk.state.alarms
+    assert cause(alarm) in report
+    page = str(episodes(desk.state))
+    second = time.strftime("%H:%M:%S", time.gmtime(alarm.acknowledged_ns // 10**9))
+    assert second in page
+    assert second in report
+    desk.close()
+
+
+def test_a_flood_of_alarms_with_hostile_and_long_names_stays_bounded() -> None:
+    name = "<img src=x>" + "n" * 200
+    state = OperatorState()
+    for k in range(500):
+        at_ns = START + k * 10**8
+        member = replace(LAST.members[0], fault=name)
+        verdict = replace(
+            LAST, detected_stamp_ns=at_ns, stamp_ns=at_ns, members=(member,), words=name
+        )
+        state = shown(verdict, state=state)
+    report = shift_report(state, name, MADE)
+    assert "a flood" in report
+    assert "<img" not in report
+    assert len(report) < 1_000_000
+
+
+def test_an_empty_shift_has_a_report() -> None:
+    assert "0, 0 not acknowledged" in shift_report(OperatorState(), "bay", MADE)
+
+
+def test_the_command_writes_it(tmp_path: Path) -> None:
+    target = tmp_path / "shift.html"
+    bag = ROOT / "bags" / "live_motor_current_bias"
+    assert main(["report", str(bag), "-o", str(target)]) == 0
+    text = target.read_text("utf-8")
+    assert "ISOLATED: the fault is motor_current_bias" in text
+    assert "1, 1 not acknowledged" in text
