@@ -12,6 +12,7 @@ import numpy as np
 from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.tools.recordings.bag_clocks import received_topics
 from flea_diag.tools.recordings.mapped_recording import MappedRecording, checked
+from flea_diag.tools.recordings.second_publisher import second_publisher
 from flea_diag.tools.recordings.senders import Senders, Signature
 from flea_diag.tools.recordings.source_checks import check_rate
 from flea_diag.wire.bags.foreign_bag import ForeignBag
@@ -60,11 +61,12 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
     notes = [
         f"{path}: {words}" for words in (*said, *(n for t in wanted for n in senders.notes(t)))
     ]
+    read = [each for each in read if each.sender not in out[each.topic]]
+    read, said = _of_one_publisher(read, len(mapping.terms))
+    notes += [f"{path}: {words}" for words in said]
     stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
     grid, pieces = ScanGrid(mapping), [list[Scan]()]
     for each in read:
-        if each.sender in out[each.topic]:
-            continue
         stamp_ns = each.log_ns if each.topic in received else each.stamp_ns
         stamps[each.topic].append(stamp_ns)
         streams = grid.streams
@@ -81,6 +83,28 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         first_ns, last_ns = made.made[0].stamp_ns, made.made[-1].stamp_ns
         own = (each for each in blocks if first_ns <= each.stamp_ns <= last_ns)
         yield replace(made, vibration=tuple(own))
+
+
+def _of_one_publisher(read: list[_Read], count: int) -> tuple[list[_Read], list[str]]:
+    """Readings without those of a second publisher of the same names, and words on it."""
+    notes = []
+    for topic in dict.fromkeys(each.topic for each in read):
+        ours = [each for each in read if each.topic == topic]
+        values = np.full((len(ours), count), np.nan)
+        for row, each in enumerate(ours):
+            for term, value in each.values:
+                values[row, term] = value
+        values = values[:, np.isfinite(values).any(axis=0)]
+        stamps_s = 1e-9 * (np.array([each.log_ns for each in ours]) - ours[0].log_ns)
+        found = second_publisher(stamps_s, values)
+        if found.any():
+            out = {id(each) for each, is_other in zip(ours, found, strict=True) if is_other}
+            read = [each for each in read if id(each) not in out]
+            notes.append(
+                f"{topic}: {len(out)} of {len(ours)} messages jump away and back in all fields, at "
+                "a rate of their own: a second publisher, left out"
+            )
+    return read, notes
 
 
 def _vibrating(mapping: SourceMapping) -> dict[str, str]:

@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError, RecordingError, WireError
 from flea_diag.tools.recordings.bag_clocks import received_topics
+from flea_diag.tools.recordings.second_publisher import second_publisher
 from flea_diag.tools.recordings.senders import Senders, Signature
 from flea_diag.tools.series.recorded_series import RecordedSeries, Series
 from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.sources.field_path import FieldPath, fields_of
 from flea_diag.wire.sources.message_terms import stamp_of
+
+Array = npt.NDArray[np.float64]
 
 MOST_CELLS = 5_000_000
 """Numbers that are read of a bag: its beginning will do."""
@@ -96,6 +100,13 @@ def _recorded(
         times_s = (np.array(stamps, dtype=np.int64) - start_ns)[kept] * 1e-9
         width = len(each.places)
         table = np.array([row + [np.nan] * (width - len(row)) for row in each.values])[kept]
+        other = second_publisher(times_s, _moving(table))
+        if other.any():
+            notes += (
+                f"{topic}: {int(other.sum())} of {len(other)} messages jump away and back in all "
+                "fields, at a rate of their own: a second publisher, left out",
+            )
+            times_s, table = times_s[~other], table[~other]
         for place, column in zip(each.places, table.T, strict=True):
             named = {"topic": topic, "type": bag.topics[name], "field": place.text}
             series.append(Series(named, np.asarray(times_s, dtype=np.float64), column))
@@ -106,6 +117,11 @@ def _recorded(
         if name not in read or not read[name].places
     )
     return RecordedSeries(path, False, tuple(series), silent, (*bag.losses[:3], *notes))
+
+
+def _moving(table: Array) -> Array:
+    """Columns that change."""
+    return table[:, [len(np.unique(column[np.isfinite(column)])) > 2 for column in table.T]]
 
 
 def _add_places(known: _TopicRead, content: Any) -> None:

@@ -110,7 +110,7 @@ def _readings(folder: Path, clean: Path, file: Path) -> str:
         expected = np.interp(own_s[use], at_s[known], wanted[known, column])
         off = np.abs(values[use, column] - expected)
         span = float(np.ptp(wanted[known, column]))
-        if float(np.quantile(off, 0.99)) > 0.05 * span:
+        if float(np.quantile(off, 0.95)) > 0.05 * span:
             return f"readings of column {column} are off by {float(off.max()) / span:.0%}"
         if use.mean() < 0.8:
             return f"{use.mean():.0%} of the readings of column {column}"

@@ -42,6 +42,14 @@ def with_a_second_publisher() -> Iterator[Sent]:
             yield late, late, ["elbow", "shoulder"], [[0.0, 0.0], [], []]
 
 
+def with_a_second_publisher_of_the_same_names() -> Iterator[Sent]:
+    for k, row in enumerate(states()):
+        yield row
+        if k % 10 == 3:
+            late = row[0] + 3_000_000 + 200_000 * (k % 7)
+            yield late, late, ["shoulder", "elbow"], [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
+
+
 def with_turns() -> Iterator[Sent]:
     for stamp, log, names, rows in states():
         wrapped = float(np.angle(np.exp(1j * 2.0 * rows[0][1])))
@@ -70,6 +78,7 @@ def without_velocities() -> Iterator[Sent]:
 CASES: dict[Callable[[], Iterator[Sent]], tuple[int, int, str]] = {
     states: (0, 1, ""),
     with_a_second_publisher: (0, 1, "120 of 1320 messages name .* with position alone"),
+    with_a_second_publisher_of_the_same_names: (0, 1, "at a rate of their own: a second publisher"),
     in_two_orders: (0, 1, "the order of its names changes: read by name"),
     with_a_clock_that_stands: (0, 1, "its stamps stand still: times of receipt are taken instead"),
     with_a_clock_that_is_set: (0, 2, "its clock was set 1 times: 2 recordings"),
