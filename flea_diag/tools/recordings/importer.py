@@ -68,7 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="FILE",
-        help="CSV (.csv, .csv.gz), NPZ, Parquet, bag of ROS 2 or ROS 1; FLEA text by default",
+        help="table (CSV, TSV, XLSX, NPZ, Parquet, MAT, HDF5, ULog), bag of ROS 2 or ROS 1; FLEA "
+        "text by default",
     )
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="BAGDIR", help="folder for the bags"

@@ -87,7 +87,7 @@ def row_order(where: str, name: str, seconds: Array, columns: Mapping[str, Array
     if len(rows) > 1 and np.ptp(seconds[rows]) == 0.0:
         raise RecordingError(
             f"{where}: {shown(name)} is {seconds[rows[0]]:g} in all {len(rows)} rows: the clock "
-            "stood still; leave the column out and give the rate of the rows"
+            "stood still; leave the column out, or give the rate of the rows (--rate HZ)"
         )
     rows = _without_copies(rows, seconds, columns, notes)
     seconds = _spread(rows, seconds, name, notes)
