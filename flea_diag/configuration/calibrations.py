@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 
-from flea_diag.configuration.description import described, description_sha256
+from flea_diag.configuration.description import (
+    compiled_relations,
+    described,
+    description_sha256,
+)
 from flea_diag.configuration.files import found_file, parsed, text_of
 from flea_diag.configuration.stand import Stand, load_stand, shipped_stands
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.calibration.calibration_reader import from_mapping
+from flea_diag.core.residuals.parameters import actuator_parameters
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 
 
@@ -56,7 +62,16 @@ def learned(stand: Stand) -> Calibration:
         )
     calibration = load_calibration(stand.calibration)
     require_description(calibration, stand)
-    return calibration
+    return _completed(calibration, stand)
+
+
+def _completed(calibration: Calibration, stand: Stand) -> Calibration:
+    """With the description's values of further parameters that an older file does not hold."""
+    stated, known = compiled_relations(stand.actuator).described, asdict(calibration.parameters)
+    lacking = {name: value for name, value in stated.items() if name not in known}
+    if not lacking:
+        return calibration
+    return replace(calibration, parameters=actuator_parameters({**lacking, **known}))
 
 
 def require_description(calibration: Calibration, stand: Stand) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +20,7 @@ from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue, of_sensors
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.residuals.parameters import STANDARD, UNIT_PARAMETERS
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_compiler import relation_set
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -36,6 +36,8 @@ from flea_diag.errors import ConfigurationError, ModelError, shown
 from flea_diag.formats import migrated
 
 keep_with(source_file)
+LEAD = "encoder_m_per_rad"
+"""Base parameter by which the speed of the shaft is that of the moved part."""
 
 
 def described(actuator: str | Path) -> Actuator:
@@ -133,16 +135,19 @@ def _compiled(
     model = _described(path, text)
     known = [name for name in model.sensors if channels is None or name in channels]
     fitted = [name for name in known if has_encoder or name != encoder_of(model)]
-    held = [entry.name for entry in fields(ActuatorParameters)]
+    # Without an encoder nothing tells its lead, which a calibration then holds as 0.
+    lead = () if has_encoder else (LEAD,)
+    held = [name for name in dict.fromkeys((*STANDARD, *model.fitted)) if name not in lead]
     every = None if channels is None else _compiled(path, text, None, has_encoder)
     unread = {name for name in model.inputs if channels is not None and name not in channels}
     names, fit = relation_names(model), model.with_sensors(fitted)
     made = relation_set(fit, names, held, UNIT_PARAMETERS, unread)
-    if channels is None and has_encoder:
-        residuals = residual_set(model, made)
-    else:
-        residuals = _compiled(path, text, None, True).residuals
-    return replace(made, every=every, residuals=residuals)
+    whole = None if channels is None and has_encoder else _compiled(path, text, None, True)
+    residuals = residual_set(model, made) if whole is None else whole.residuals
+    used = {*STANDARD, *(every or made).parameters}
+    values = (whole or made).described
+    stated = {name: value for name, value in values.items() if name in used}
+    return replace(made, every=every, residuals=residuals, described=stated)
 
 
 @lru_cache(maxsize=8)

@@ -47,6 +47,18 @@ def chosen_stand(arguments: argparse.Namespace, *replaced: str) -> Stand:
     return load_stand(arguments.stand, **{key: getattr(arguments, key) for key in replaced})
 
 
+def accepted_stand(arguments: argparse.Namespace, *replaced: str) -> Stand:
+    """The same, refused where a later step would refuse its description or catalogue."""
+    from flea_diag.configuration.acceptance import require_accepted, require_usable
+
+    stand = chosen_stand(arguments, *replaced)
+    if stand.actuator.parent != stand.folder and not getattr(arguments, "faults", ""):
+        require_usable(stand.actuator)  # the catalogue of the stand is that of another one
+    else:
+        require_accepted(stand)
+    return stand
+
+
 def absolute(stand: Stand) -> Stand:
     """The stand for a process in another folder."""
     from flea_diag.configuration.stand import FILES

@@ -21,7 +21,7 @@ from flea_diag.core.bond_graph.state_space import StateSpace, state_space
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
 from flea_diag.core.scan_counts import SMOOTHING_S
-from flea_diag.core.symbolic.expression import Expression, Variable
+from flea_diag.core.symbolic.expression import Expression, Variable, symbols
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.values import AboveZero, NotNegative, one_of
 
@@ -151,6 +151,20 @@ class Actuator:
         """Unit of every base parameter: that of a torque or of a force, as the graph has it."""
         units = {name: entry.unit for name, entry in self.graph.parameters.items()}
         return {name: unit_of(row, units) for name, row in self.base_parameters.items()}
+
+    @cached_property
+    def fitted(self) -> tuple[str, ...]:
+        """Base parameters of which none is assumed: no width, no constant of a material."""
+        laws = ((e, self.graph.law(e)) for e in self.graph.elements.values())
+        assumed = {
+            name
+            for element, law in laws
+            if law is not None
+            for role, name in element.parameters.items()
+            if law.roles[role].assumed
+        }
+        rows = self.base_parameters.items()
+        return tuple(name for name, row in rows if not assumed & set(symbols(row)))
 
     def relations(self, view: str = "stand") -> tuple[Relation, ...]:
         """Causal relations of a view of the model.

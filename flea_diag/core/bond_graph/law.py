@@ -38,6 +38,8 @@ class Role:
     dimension: Callable[[Ports], Dimension]
     bound: str = "> 0"
     """``> 0``, ``>= 0``, ``!= 0`` or ``any``."""
+    assumed: bool = False
+    """Whether its value is the description's: a width, or a constant of a material."""
 
     def admits(self, value: float) -> bool:
         """Whether a value lies in the range; NaN never does."""
@@ -88,7 +90,7 @@ def _warm_resistance(p: Values) -> Expression:
 _RESISTANCE = Role(lambda d: per(d.effort, d.flow))
 _VISCOUS = Role(lambda d: per(d.effort, d.flow), ">= 0")
 _LEVEL = Role(lambda d: d.effort, ">= 0")
-_FLOW = Role(lambda d: d.flow)
+_WIDTH = Role(lambda d: d.flow, assumed=True)
 
 LAWS: dict[str, Law] = {
     "resistance": Law(
@@ -99,12 +101,12 @@ LAWS: dict[str, Law] = {
     ),
     "friction": Law(
         "R",
-        {"coulomb": _LEVEL, "viscous": _VISCOUS, "smooth_flow": _FLOW},
+        {"coulomb": _LEVEL, "viscous": _VISCOUS, "smooth_flow": _WIDTH},
         effort=lambda f, p: p["coulomb"] * _smooth_sign(f, p) + p["viscous"] * f,
     ),
     "dry": Law(
         "R",
-        {"level": _LEVEL, "smooth_flow": _FLOW},
+        {"level": _LEVEL, "smooth_flow": _WIDTH},
         effort=lambda f, p: p["level"] * _smooth_sign(f, p),
     ),
     "loaded_friction": Law(
@@ -113,7 +115,7 @@ LAWS: dict[str, Law] = {
             "coulomb": _LEVEL,
             "load_share": Role(lambda d: per(d.effort, d.by), ">= 0"),
             "viscous": _VISCOUS,
-            "smooth_flow": _FLOW,
+            "smooth_flow": _WIDTH,
         },
         effort=lambda f, p: (
             (p["coulomb"] + p["load_share"] * apply("fabs", p["by"])) * _smooth_sign(f, p)
@@ -125,9 +127,9 @@ LAWS: dict[str, Law] = {
         "R",
         {
             "resistance": _RESISTANCE,
-            "per_kelvin": Role(lambda d: per(UNITS["1"], UNITS["K"]), ">= 0"),
+            "per_kelvin": Role(lambda d: per(UNITS["1"], UNITS["K"]), ">= 0", assumed=True),
             "temperature": Role(lambda d: UNITS["K"], "any"),
-            "reference": Role(lambda d: UNITS["K"], "any"),
+            "reference": Role(lambda d: UNITS["K"], "any", assumed=True),
         },
         effort=lambda f, p: _warm_resistance(p) * f,
         flow=lambda e, p: e / _warm_resistance(p),
@@ -137,9 +139,9 @@ LAWS: dict[str, Law] = {
         {
             "coulomb": _LEVEL,
             "breakaway": _LEVEL,
-            "stribeck_flow": _FLOW,
+            "stribeck_flow": _WIDTH,
             "viscous": _VISCOUS,
-            "smooth_flow": _FLOW,
+            "smooth_flow": _WIDTH,
         },
         effort=_stribeck,
     ),
@@ -156,7 +158,7 @@ LAWS: dict[str, Law] = {
         {
             "compliance": Role(lambda d: per(times(d.flow, SECOND), d.effort)),
             "play": Role(lambda d: times(d.flow, SECOND), ">= 0"),
-            "smooth_effort": Role(lambda d: d.effort),
+            "smooth_effort": Role(lambda d: d.effort, assumed=True),
         },
         effort=lambda q, p: (q - _contact(q / p["compliance"], p)) / p["compliance"],
         flow=lambda e, p: p["compliance"] * e + _contact(e, p),

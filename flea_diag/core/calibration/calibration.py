@@ -27,6 +27,7 @@ from flea_diag.core.residuals.parameters import (
     ActuatorParameters,
     UnitSpread,
     UnitTolerance,
+    further_of,
 )
 from flea_diag.core.residuals.unit_difference import difference_sigmas
 from flea_diag.core.run_law.run_law import RunLaw
@@ -160,6 +161,9 @@ class Calibration(Frozen):
         plain["observer_noise"] = self.observer_noise.to_mapping()
         plain["law"] = None if self.law is None else self.law.to_mapping()
         plain["shifts"] = [limit.to_mapping() for limit in self.shifts]
+        further = further_of(self.parameters)
+        for name in further:
+            plain["parameters"].pop(name)
         for name in LATER_PARAMETERS:
             if plain["parameters"][name] == getattr(NEUTRAL, name):
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
@@ -174,6 +178,8 @@ class Calibration(Frozen):
             plain.pop("counted_period_s")
         if self.smoothing_s == SMOOTHING_S:
             plain.pop("smoothing_s")
+        if further:
+            plain["further_parameters"] = further
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
 from flea_diag.core.calibration.calibration import (
@@ -19,9 +19,11 @@ from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLim
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
 from flea_diag.core.residuals.parameters import (
     LATER_TOLERANCES,
+    STANDARD,
     UNIT_PARAMETERS,
     ActuatorParameters,
     UnitTolerance,
+    actuator_parameters,
 )
 from flea_diag.core.residuals.residual_rows import WINDOWS_S
 from flea_diag.core.scan_counts import ScanCounts
@@ -38,6 +40,8 @@ LATER = (
 )  # fmt: skip
 """Optional entries of this schema."""
 NAMES = tuple(entry.name for entry in fields(Calibration))
+FURTHER = "further_parameters"
+"""Entry of the parameters that only some description names."""
 RETIRED = {"tolerance": ("noise_log",)}
 """Entry -> keys that older files have in it; rows of lists may have others, which are not used."""
 
@@ -62,9 +66,13 @@ def from_mapping(content: object, where: str) -> Calibration:
     noise = (
         ObserverNoise() if levels is None else _observer_noise(levels, f"{where}: observer_noise")
     )
+    given: dict[str, Any] = {"observer_noise": noise}
+    further = known.pop(FURTHER, None)
+    if further is not None:
+        given["parameters"] = _parameters(known.pop("parameters"), further, where)
     made = read_as(
         Calibration, known, where, error=CalibrationError, magnitudes=LIMITED, strict=False,
-        given={"observer_noise": noise},
+        given=given,
     )  # fmt: skip
     for wrong in _contradictions(made):
         raise CalibrationError(f"{where}: {wrong}")
@@ -76,7 +84,7 @@ def _require(known: Mapping[str, Any], where: str) -> None:
     for name, value in known.items():
         if value is None:
             raise CalibrationError(f"{where}: {name} = None holds nothing; leave it out")
-    _complete(known, NAMES, where, LATER)
+    _complete(known, (*NAMES, FURTHER), where, (*LATER, FURTHER))
     for key, kind, later in (
         ("parameters", ActuatorParameters, LATER_PARAMETERS),
         ("tolerance", UnitTolerance, LATER_TOLERANCES),
@@ -105,6 +113,19 @@ def _complete(
             raise CalibrationError(f"{where}: {name} is missing; repeat 'flea calibrate'")
 
 
+def _parameters(content: Any, further: Any, where: str) -> ActuatorParameters:
+    """Those of every calibration, with those that only this description names."""
+    standard = read_as(
+        ActuatorParameters, content, f"{where}: parameters", error=CalibrationError,
+        magnitudes=LIMITED, strict=False,
+    )  # fmt: skip
+    own = read_as(dict[str, float], further, f"{where}: {FURTHER}", error=CalibrationError)
+    for name in own:
+        if name in STANDARD or not name.isidentifier():
+            raise CalibrationError(f"{where}: {FURTHER}: {shown(name)} is no name of a further one")
+    return actuator_parameters({**asdict(standard), **own})
+
+
 def _observer_noise(content: Any, where: str) -> ObserverNoise:
     levels = read_as(
         dict[str, Positive], content, where, error=CalibrationError, magnitudes=LIMITED
@@ -129,7 +150,7 @@ def _contradictions(made: Calibration) -> Iterator[str]:
         if shift.window not in shifts:
             yield f"shifts: {shown(shift.name)}: window = {shift.window}, choose one of {shifts}"
     for block in made.covariance:
-        for wrong in _of_covariance(block):
+        for wrong in _of_covariance(block, made.parameters):
             yield f"covariance: {wrong}"
     for name in made.units.spread if made.units else ():
         if name not in UNIT_PARAMETERS:
@@ -158,8 +179,8 @@ def _of_limit(limit: ResidualLimit, counts: ScanCounts) -> Iterator[str]:
         yield f"spread has {len(limit.spread)} numbers, not {every}"
 
 
-def _of_covariance(block: CovarianceBlock) -> Iterator[str]:
-    known = {entry.name for entry in fields(ActuatorParameters)}
+def _of_covariance(block: CovarianceBlock, parameters: ActuatorParameters) -> Iterator[str]:
+    known = asdict(parameters)
     for name in block.parameters:
         if name not in known:
             yield f"{shown(name)} is no parameter"

@@ -11,24 +11,25 @@ store, and the differences from its neighbours. The columns follow from the rela
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.bond_graph.base_parameters import in_base
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.calibration.relation_fit import Regression
+from flea_diag.core.calibration.relation_fit import Regression, of_quotients, parted
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import Prediction
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.expression import (
+    Constant,
     Expression,
     Variable,
     derivative,
     evaluate,
+    substitute,
     symbols,
 )
 
@@ -37,6 +38,9 @@ Array = npt.NDArray[np.float64]
 LEAST_RUNS = 4  # assumption: size of a sample
 LEAST_SCANS = 500  # assumption: size of a sample
 LEAST_EXCHANGE_PER_S = 1e-5  # a day: slower is no exchange
+WITH = "with_"
+"""How the name of a column of exchange begins; the channel follows."""
+ALIKE = "no recording of this store tells it from the others"
 FAR_K = 4.0
 """Single-sample spikes of 10 K and more would bias an ordinary slope."""
 
@@ -45,6 +49,7 @@ class Result(Protocol):
     """Receives the identified parameters and those that cannot be identified."""
 
     parameters: ActuatorParameters
+    sigmas: dict[str, float]
 
     def found(self, values: dict[str, float], covariance: Array) -> None:
         """Parameters that the data identify."""
@@ -77,7 +82,12 @@ def identify(
     """Identify supply and exchange of every predicted store as far as the recordings allow."""
     balanced = {name for row in relations.relations for name in symbols(row.expression)}
     for store in relations.predictions:
-        unknown = [n for n in symbols(store.supply) if n not in {*balanced, *relations.signals}]
+        unknown: list[str] = []
+        for name in symbols(store.supply):
+            slope = set(symbols(derivative(store.supply, name)))
+            if name not in {*balanced, *relations.signals}:
+                unknown += [] if slope & set(unknown) else [name]
+                result.missing([name] if slope & set(unknown) else [], ALIKE)
         if unknown or store.exchange:
             _Store(store, tuple(unknown), signals, relations.residuals.index).identify(
                 runs, period_s, result
@@ -94,29 +104,67 @@ class _Store:
     index: Mapping[str, int]
 
     def identify(self, runs: Sequence[NominalRun], period_s: float, result: Result) -> None:
-        supplied: dict[str, Expression] = {name: Variable(name) for name in self.unknown}
-        exchanged = {f"with_{name}": rate for name, rate in self.row.exchange.items()}
+        """Identify what this store alone fixes: the parameters of others are known by then."""
+        names = dict.fromkeys(n for rate in self.row.exchange.values() for n in symbols(rate))
+        cooling = [name for name in names if name not in result.sigmas]
         table = [self._row(n, run, period_s, result.parameters) for n, run in enumerate(runs)]
         rows = np.array([row for row in table if row is not None])
-        cooling = list(dict.fromkeys(n for rate in exchanged.values() for n in symbols(rate)))
         if len(rows) < LEAST_RUNS:
             channels = " and ".join((self.row.channel, *self.row.exchange))
             words = f"{len(rows)} recordings with {channels}, {LEAST_RUNS} are needed"
             result.missing([*self.unknown, *cooling], words)
             return
-        heats, apart, slope = rows[:, : len(supplied)], rows[:, len(supplied) : -1], rows[:, -1]
-        fit = _regression(rows[:, :-1], slope, {**supplied, **exchanged})
-        x, covariance = _fitted(fit)
-        loses = x[len(supplied) :] > LEAST_EXCHANGE_PER_S
-        if loses.all() and (x[: len(supplied)] >= 0.0).all():
-            result.found(*fit.solved(x, covariance))
+        fit = self._regression(rows, cooling, result)
+        if fit is not None and self._taken(fit, result):
             return
         result.missing(cooling, "no cooling within the recordings")
-        known = asdict(result.parameters)
-        kept = np.array([float(evaluate(rate, known)) for rate in exchanged.values()])
-        fit = _regression(heats, slope - apart @ kept, supplied)
+        fit = self._regression(rows, (), result)
+        if fit is not None:
+            x, covariance = _fitted(fit)
+            result.found(*fit.solved(np.maximum(x, 0.0), covariance))
+
+    def _taken(self, fit: Regression, result: Result) -> bool:
+        """Whether a fit is one of a store that is heated and cools down; it is then stored."""
         x, covariance = _fitted(fit)
-        result.found(*fit.solved(np.maximum(x, 0.0), covariance))
+        values, errors = fit.solved(x, covariance)
+        cools = [value > LEAST_EXCHANGE_PER_S for value in x[self._heating(fit) :]]
+        if not (all(cools) and (x >= 0.0).all() and all(v >= 0.0 for v in values.values())):
+            return False
+        result.found(values, errors)
+        return True
+
+    def _heating(self, fit: Regression) -> int:
+        """How many columns are of the supply: they come first."""
+        return sum(not name.startswith(WITH) for name in fit.names)
+
+    def _regression(
+        self, rows: Array, cooling: Collection[str], result: Result
+    ) -> Regression | None:
+        """Regression of the slope on supply and exchange; None where nothing is left to fit.
+
+        What no recording of this store could fix keeps its value.
+        """
+        known, left = asdict(result.parameters), [*self.unknown, *cooling]
+        while left:
+            given = {n: Constant(v) for n, v in known.items() if n not in left}
+            columns, target = [], rows[:, -1].copy()
+            quotients: dict[str, Expression] = {}
+            forms = {n: Variable(n) for n in self.unknown} | {
+                WITH + name: rate for name, rate in self.row.exchange.items()
+            }
+            for place, (name, form) in enumerate(forms.items()):
+                number, quotient = parted(substitute(form, given))
+                if symbols(quotient):
+                    quotients[name] = quotient
+                    columns.append(number * rows[:, place])
+                else:
+                    target -= float(evaluate(form, known)) * rows[:, place]
+            fit = of_quotients(np.stack(columns, axis=1), target, quotients, known)
+            if not fit.unscaled:
+                return fit
+            result.missing(fit.unscaled, ALIKE)
+            left = [name for name in left if name not in fit.unscaled]
+        return None
 
     def _row(
         self, number: int, run: NominalRun, period_s: float, p: ActuatorParameters
@@ -135,11 +183,6 @@ class _Store:
         sources = [evaluate(derivative(self.row.supply, name), known) for name in self.unknown]
         means = [float(np.mean(source[np.isfinite(source)])) for source in sources]
         return (*means, *(float(np.nanmedian(each) - middle) for each in around), slope)
-
-
-def _regression(columns: Array, target: Array, quotients: Mapping[str, Expression]) -> Regression:
-    solved = {str(name): e for name, e in in_base(quotients, "predicted stores").items()}
-    return Regression(columns, target, tuple(quotients), solved, quotients)
 
 
 def _fitted(fit: Regression) -> tuple[Array, Array]:

@@ -14,19 +14,20 @@ Standard errors are clustered by recording, because samples within one are far f
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from flea_diag.core.calibration import heat_identification
-from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
-from flea_diag.core.calibration.relation_fit import Regression, regression
-from flea_diag.core.calibration.robust_regression import fitted_by_fold, robust_fit
+from flea_diag.core.calibration.identified import NOT_NEGATIVE, Fit, Identified, possible
+from flea_diag.core.calibration.relation_fit import Regression
+from flea_diag.core.calibration.robust_regression import robust_fit
 from flea_diag.core.calibration.smoothed_columns import Array, Flags, Numbers, Smoothed, smooth
-from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
+from flea_diag.core.residuals.channel_units import LOAD
 from flea_diag.core.residuals.measured_graph import rate_symbol
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import actuator_parameters, further_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.settling import Ways, scans_of, scans_since_change, ways
 from flea_diag.core.symbolic.expression import symbols
@@ -35,38 +36,6 @@ from flea_diag.errors import CalibrationError
 RelationsOf = Callable[[bool], RelationSet]
 
 MINIMUM_MOVING_S = 5.0  # assumption: size of a sample
-
-
-@dataclass
-class Identified:
-    """Parameters identified so far, their standard errors, and those not identified."""
-
-    parameters: ActuatorParameters
-    sigmas: dict[str, float] = field(default_factory=dict)
-    covariance: list[CovarianceBlock] = field(default_factory=list)
-    not_identified: dict[str, str] = field(default_factory=dict)
-    voltage_limit_v: float = 10.0
-    without: list[dict[str, float]] = field(default_factory=list)
-    """Of each recording the parameters fitted without it and those left out with it."""
-    folds: list[dict[str, tuple[float, float]]] = field(default_factory=list)
-    """Of each unit, or recording, its own parameters and their standard errors."""
-
-    def judging(self, recording: int) -> Identified:
-        """The same with the parameters that a recording is judged by."""
-        values = self.without[recording] if self.without else {}
-        return replace(self, parameters=replace(self.parameters, **values))
-
-    def found(self, values: Mapping[str, float], covariance: Array) -> None:
-        """Store identified parameters, fitted together with this covariance."""
-        self.parameters = replace(self.parameters, **values)
-        sigmas = np.sqrt(np.diag(covariance)).tolist()
-        self.sigmas.update(zip(values, sigmas, strict=True))
-        rows = tuple(map(tuple, np.asarray(covariance).tolist()))
-        self.covariance.append(CovarianceBlock(tuple(values), rows))
-
-    def missing(self, names: Sequence[str], reason: str) -> None:
-        """Record parameters that keep their defaults."""
-        self.not_identified.update(dict.fromkeys(names, reason))
 
 
 def identify(
@@ -99,7 +68,7 @@ def identify(
             "the description has no base parameter stribeck_speed_m_s, the width of the smooth "
             "sign of friction, which says what is motion: add it to base_parameters"
         )
-    result = Identified(ActuatorParameters(**start), without=[{} for _ in runs])
+    result = Identified(actuator_parameters(start), without=[{} for _ in runs])
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
@@ -115,76 +84,16 @@ def identify(
             f"the recordings hold {moved_s:.1f} s of motion above {moving_m_s:g} m/s, "
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
-    fit = _Fit(data, relations, signals, result)
+    fit = Fit(data, relations, signals, result)
     steady = _settled(data, ways(moving, speed_m_s), period_s, kernel_length)
     _friction(fit, moving, steady)
     _electrical(fit)
     _drive(fit)
     _position(fit)
+    _others(fit)
     nominal = NominalSignals(data.signals(relations, result.parameters), data.run)
     heat_identification.identify(runs, period_s, relations, nominal, result)
     return result
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """What the regressions of one calibration share; ``signals``: columns by name, shape (n,)."""
-
-    data: Smoothed
-    relations: RelationSet
-    signals: Mapping[str, Array]
-    result: Identified
-
-    def regression(
-        self, name: str, regressand: str, unknown: Sequence[str], use: Flags
-    ) -> Regression | None:
-        """Regression of one relation on the rows that it can be formed in; None if in none.
-
-        Parameters that these rows do not fix keep their defaults.
-        """
-        relation = self.relations.named.get(name)
-        if relation is None or not set(unknown) & set(symbols(relation.expression)):
-            return None
-        rows = np.array([np.isfinite(self.signals[signal]) for signal in relation.signals])
-        use &= rows.all(axis=0)
-        if not use.any():
-            return None
-        known = {k: v for k, v in asdict(self.result.parameters).items() if k not in unknown}
-        made = regression(relation, known, regressand, self.signals, use)
-        while loose := made.not_fixed():
-            self.result.missing(loose, "these recordings do not fix it apart from the others")
-            known |= {name: getattr(self.result.parameters, name) for name in loose}
-            made = regression(relation, known, regressand, self.signals, use)
-        return made
-
-    def take(self, made: Regression, use: Flags, start: Array | None = None) -> tuple[Array, Array]:
-        """Solve a regression and store what it finds, with and without each recording.
-
-        Returns the solution of its columns, and the weights of its rows.
-        """
-        x, covariance, weight = robust_fit(made.columns, made.target, self.data.run[use], start)
-        self.result.found(*made.solved(x, covariance))
-        self.leave_out(made, weight, use)
-        return x, weight
-
-    def leave_out(self, made: Regression, weight: Array, use: Flags) -> None:
-        """Store what a fit finds without each recording; nothing where there is but one fold."""
-        data, result = self.data, self.result
-        folds = int(data.fold.max()) + 1
-        if folds < 2:
-            return
-        fold = data.fold[data.run[use]]
-        fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, data.kernel)
-        no_error = np.zeros((len(made.names),) * 2)
-        values = [_possible(made.solved(x, no_error)[0]) for x in fits.without]
-        for recording, number in enumerate(data.fold.tolist()):
-            result.without[recording].update(values[number])
-        result.folds = result.folds or [{} for _ in range(folds)]
-        for own, x, covariance in zip(result.folds, fits.alone, fits.covariance, strict=True):
-            if np.isfinite(covariance).all():
-                found, errors = made.solved(x, covariance)
-                sigmas = np.sqrt(np.diag(errors)).tolist()
-                own.update({n: (found[n], sigma) for n, sigma in zip(found, sigmas, strict=True)})
 
 
 def _numbered(names: Sequence[str]) -> Numbers:
@@ -193,16 +102,11 @@ def _numbered(names: Sequence[str]) -> Numbers:
     return np.array([order[name] for name in names], dtype=np.int64)
 
 
-def _possible(values: dict[str, float]) -> dict[str, float]:
-    """Parameters that cannot be negative, at least 0."""
-    return values | {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
-
-
 def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None:
     rows = data.rows
     use = data.with_values(rows.encoder, rows.position)
     signals = data.signals(relations, result.parameters) if use.any() else {}
-    fit = _Fit(data, relations, signals, result)
+    fit = Fit(data, relations, signals, result)
     name = "encoder_m_per_rad"
     relation, slope = next(iter(rows.of_one_speed), ""), rate_symbol(rows.position)
     made = fit.regression(relation, slope, [name], use) if signals else None
@@ -213,12 +117,6 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
 
 
 MASS = "reflected_mass_kg"
-NOT_NEGATIVE = (
-    "coulomb_friction_n",
-    "viscous_friction_n_s_per_m",
-    "reflected_mass_kg",
-    "load_friction_ratio",
-)
 NEGATIVE = 3.0
 """Standard errors below 0 at which a friction is taken as absent."""
 DRIVES = {
@@ -237,10 +135,10 @@ def _settled(data: Smoothed, way: Ways, period_s: float, kernel_length: int) -> 
     return np.asarray(since > scans)
 
 
-def _friction(fit: _Fit, moving: Flags, settled: Flags) -> None:
+def _friction(fit: Fit, moving: Flags, settled: Flags) -> None:
     """The balance that holds the friction: of forces, or of power."""
-    names = (*NOT_NEGATIVE, *DRIVES)
     rows, relation = fit.data.rows, fit.data.rows.friction
+    names = (*NOT_NEGATIVE, *DRIVES, *fit.further(relation))
     use = moving.copy() if relation in rows.in_motion else settled
     found = _not_negative(fit, relation, [*names, "current_offset_a"], use)
     if found is None:
@@ -251,24 +149,30 @@ def _friction(fit: _Fit, moving: Flags, settled: Flags) -> None:
     for name, reason in DRIVES.items():
         if name not in values and name not in fit.result.not_identified:
             fit.result.missing([name], reason)
-    fit.result.found(_possible(values), covariance)
+    fit.result.found(possible(values), covariance)
     fit.leave_out(made, weight, use)
 
 
 def _not_negative(
-    fit: _Fit, relation: str, names: list[str], use: Flags
+    fit: Fit, relation: str, names: list[str], use: Flags
 ) -> tuple[Regression, Array, dict[str, float], Array] | None:
     """Fit in which no friction is negative beyond its error; one that is counts as 0.
 
     A mass is taken from the description instead. The others are then fitted anew: they would hold
     what it had taken from them.
     """
-    while (made := fit.regression(relation, CURRENT, names, use)) is not None:
+    while (made := fit.regression(relation, fit.data.rows.current, names, use)) is not None:
         x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use])
         values, covariance = made.solved(x, covariance)
         errors = dict(zip(values, np.sqrt(np.diag(covariance)), strict=True))
         below = {n: values[n] / errors[n] for n in NOT_NEGATIVE if n in values and errors[n] > 0.0}
         least = min(below, key=lambda n: below[n], default="")
+        loose = [n for n in DRIVES if n in values and errors[n] * NEGATIVE >= abs(values[n])]
+        if loose:
+            # What it is known by, the answer of the current, is no more than its error.
+            fit.result.missing(loose, "the current does not answer to the load beyond its error")
+            names = [name for name in names if name not in loose]
+            continue
         if not least or below[least] >= -NEGATIVE:
             return made, weight, values, covariance
         held = fit.relations.described.get(least, 0.0) if least == MASS else 0.0
@@ -289,13 +193,15 @@ def _check_sign(values: Mapping[str, float], load: str) -> None:
             )
 
 
-def _electrical(fit: _Fit) -> None:
-    names = ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v")
+def _electrical(fit: Fit) -> None:
+    own = ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v")
+    names = (*own, "drive_drop_v", *fit.further(fit.data.rows.circuit))
     p, result = fit.result.parameters, fit.result
     use = np.ones(len(fit.data.run), dtype=bool)
-    made = fit.regression(fit.data.rows.circuit, VOLTAGE, names, use)
+    voltage = fit.data.rows.voltage
+    made = fit.regression(fit.data.rows.circuit, voltage, names, use)
     if made is None:
-        result.missing(names, "no motor_voltage channel")
+        result.missing(own, "no motor_voltage channel")
         return
     # Energy conservation: the back-EMF constant equals the force constant. With R given, only
     # the offset is unknown; a median finds it if fewer than half of the samples are bad.
@@ -307,22 +213,37 @@ def _electrical(fit: _Fit) -> None:
     residual = made.target - made.columns @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
     # No healthy unit deviates by a third of the drive's output range.
-    supply_v = float(np.quantile(np.abs(fit.signals[VOLTAGE][use]), 0.99))
+    supply_v = float(np.quantile(np.abs(fit.signals[voltage][use]), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
 
 
-def _drive(fit: _Fit) -> None:
+def _others(fit: Fit) -> None:
+    """Relations of other kinds, such as the balance of a second moved part."""
+    for row in fit.relations.relations:
+        names = fit.further(row.name)
+        use = np.ones(len(fit.data.run), dtype=bool)
+        made = fit.regression(row.name, row.signals[0], names, use) if names else None
+        if made is not None:
+            fit.take(made, use)
+    named = {*further_of(fit.result.parameters)} & set(fit.relations.parameters)
+    balanced = {name for row in fit.relations.relations for name in symbols(row.expression)}
+    left = sorted((named & balanced) - {*fit.result.sigmas, *fit.result.not_identified})
+    fit.result.missing(left, "no relation of these channels fixes it")
+
+
+def _drive(fit: Fit) -> None:
     names = ("drive_gain", "drive_offset_v", "drive_drop_v")
     use = np.ones(len(fit.data.run), dtype=bool)
-    related = (r.name for r in fit.relations.relations if {VOLTAGE, COMMAND} <= set(r.signals))
-    made = fit.regression(next(related, ""), VOLTAGE, names, use)
+    pair = {fit.data.rows.voltage, fit.data.rows.command}
+    related = (r.name for r in fit.relations.relations if pair <= set(r.signals))
+    made = fit.regression(next(related, ""), fit.data.rows.voltage, names, use)
     if made is None:
         fit.result.missing(names, "no commanded_voltage channel")
         return
     fit.take(made, use)
 
 
-def _position(fit: _Fit) -> None:
+def _position(fit: Fit) -> None:
     """Two positions of one part; what lies between them stretches under the load."""
     data, result, name = fit.data, fit.result, "position_offset_m"
     held = [row for row in fit.relations.relations if name in symbols(row.expression)]

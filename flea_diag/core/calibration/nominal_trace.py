@@ -9,16 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
-from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.detection.coefficient_shift import CoefficientShift, coefficient_rows
 from flea_diag.core.flag_runs import flag_runs
-from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.plausibility import ENTER_S, usable
 
+ROUNDING = 1e-16
+"""Share of the squares of a residual that is no noise."""
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
@@ -83,7 +84,7 @@ def voltage_usable(
     readings: Array, values: Array, limit_v: float, rows: ResidualSet, counts: ScanCounts
 ) -> Flags:
     """Scans in which the voltage is plausible by its own balance, or a command corroborates it."""
-    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
+    command, circuit = rows.channel(rows.command), rows.column(rows.circuit)
     corroborated = command >= 0 and np.isfinite(readings[:, command]).any()
     if circuit < 0 or corroborated:
         return np.ones(len(values), dtype=bool)
@@ -107,7 +108,7 @@ def displacement(rows: ResidualSet, readings: Array) -> tuple[str, Array]:
 
 def _leave_out(values: Array, good: Flags, rows: ResidualSet) -> None:
     """Drop what needs the voltage where that is not good."""
-    for column in rows.needing(VOLTAGE):
+    for column in rows.needing(rows.voltage):
         values[~good, column] = np.nan
 
 
@@ -122,7 +123,7 @@ def with_innovations(traced: Trace, innovations: Array) -> Trace:
 def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
     """Intervals of bad voltage of one recording, in seconds from its start."""
     return [
-        BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
+        BadStretch(traced.name, traced.rows.voltage, float(a * period_s), float(b * period_s))
         for a, b in flag_runs(~traced.voltage_usable)
         if b - a >= ScanCounts(period_s).of(ENTER_S)
     ]
@@ -131,16 +132,20 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
 def own_noise(
     traces: Sequence[Trace], term: ReadingTerm, tolerance: Array, between: float
 ) -> float:
-    """Noise of a sample of a residual: what its unit's own parameters leave of each recording."""
-    left, count = 0.0, 0
+    """Noise of a sample of a residual: what its unit's own parameters leave of each recording.
+
+    0 where they leave nothing but rounding.
+    """
+    left, whole, count = 0.0, 0.0, 0
     for trace in traces:
         rows, use = _coefficient_rows(trace, [term], tolerance, between)
         psi, residual = rows[use, :-2], rows[use, -2]
         if len(psi) > psi.shape[1]:
             found = np.linalg.lstsq(psi, residual, rcond=None)[0]
             left += float(np.square(residual - psi @ found).sum())
+            whole += float(np.square(residual).sum())
             count += len(residual) - psi.shape[1]
-    return float(np.sqrt(left / count)) if count else 0.0
+    return float(np.sqrt(left / count)) if left > ROUNDING * whole else 0.0
 
 
 def coefficient_shifts(

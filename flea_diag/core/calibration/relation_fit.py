@@ -6,13 +6,16 @@ motor's force constant), is divided by that coefficient: the quotients are what 
 determine, and products of their powers are the parameters.
 
 What recordings do not fix shows in the rank of the columns: a load that never changes, a speed that
-is always the same.
+is always the same. What no recording could fix shows in the quotients: a weight and the zero of the
+current's sensor act alike. The zero then keeps the description's value. Where quotients are more
+than parameters, or sums of them, the parameters are those that fit the quotients best.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,12 +24,13 @@ from scipy.linalg import qr
 
 from flea_diag.core.bond_graph.base_parameters import in_base
 from flea_diag.core.residuals.relation_set import CompiledRelation
-from flea_diag.core.symbolic.collect import collect, factors_of
+from flea_diag.core.symbolic.collect import collect, divided, factors_of
 from flea_diag.core.symbolic.expression import (
     ONE,
     ZERO,
     Constant,
     Expression,
+    Power,
     Variable,
     derivative,
     evaluate,
@@ -41,6 +45,9 @@ Signals = Mapping[str, Array]
 
 LEAST_LEFT = 1e-6
 """Share of a column that the others must leave: with less of it rounding would decide."""
+NEWTON_STEPS = 30
+TINY = 1e-6
+"""Start of a parameter whose value is said to be 0."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,8 @@ class Regression:
     parameters: Mapping[str, Expression]
     quotients: Mapping[str, Expression]
     unscaled: tuple[str, ...] = ()
+    start: Mapping[str, float] = field(default_factory=dict)
+    """Parameters to start from where ``parameters`` is empty: no formula gives them."""
 
     def not_fixed(self) -> tuple[str, ...]:
         """Parameters that the columns leave open, each alone in a column of which that is so.
@@ -92,6 +101,8 @@ class Regression:
 
     def solved(self, x: Array, covariance: Array) -> tuple[dict[str, float], Array]:
         """Parameters of a solution, and their covariance by the gradient there (k, k)."""
+        if self.start:
+            return self._nearest(x, covariance)
         point = dict(zip(self.names, map(float, x), strict=True))
         values = {name: float(evaluate(e, point)) for name, e in self.parameters.items()}
         gradient = np.array(
@@ -102,6 +113,27 @@ class Regression:
         )
         return values, gradient @ covariance @ gradient.T
 
+    def _nearest(self, x: Array, covariance: Array) -> tuple[dict[str, float], Array]:
+        """Parameters whose quotients are nearest to x in its errors (Gauss and Newton)."""
+        errors = np.sqrt(np.diag(covariance))
+        weight = 1.0 / np.where(errors > 0.0, errors, 1.0)
+        point, back = dict(self.start), np.zeros((len(self.start), len(x)))
+        for _ in range(NEWTON_STEPS):
+            slopes = _slopes(self.quotients.values(), point)
+            scale = np.linalg.norm(slopes * weight[:, None], axis=0)
+            scale[scale == 0.0] = 1.0
+            back = np.linalg.pinv(slopes * weight[:, None] / scale) * weight / scale[:, None]
+            off = x - [float(evaluate(e, point)) for e in self.quotients.values()]
+            step = back @ off
+            point = {n: point[n] + float(d) for n, d in zip(point, step, strict=True)}
+        return point, back @ covariance @ back.T
+
+
+def _slopes(quotients: Iterable[Expression], point: Mapping[str, float]) -> Array:
+    """D quotient / d parameter, shape (quotients, parameters)."""
+    rows = [[float(evaluate(derivative(e, name), point)) for name in point] for e in quotients]
+    return np.array(rows).reshape(-1, len(point))
+
 
 def regression(
     relation: CompiledRelation,
@@ -109,6 +141,8 @@ def regression(
     regressand: str,
     signals: Signals,
     use: npt.NDArray[np.bool_],
+    start: Mapping[str, float] = MappingProxyType({}),
+    yielding: Collection[str] = (),
 ) -> Regression:
     """Regression of the parameters of a relation that are not ``known``.
 
@@ -118,6 +152,10 @@ def regression(
         Signal whose term stands alone on the left.
     signals
         Columns by name, shape (n,), of which the rows ``use`` count.
+    start
+        Values near those of the parameters, for quotients that no formula solves.
+    yielding
+        Parameters that are taken as known before others where both act alike.
     """
     fixed = {name: Constant(value) for name, value in known.items()}
     expression = substitute(relation.expression, fixed)
@@ -125,39 +163,90 @@ def regression(
     values = {name: signals[name][use] for name in relation.signals}
     count = int(use.sum())
     slopes = [derivative(expression, name) for name in unknown]
-    if not any(set(symbols(slope)) & set(unknown) for slope in slopes):
-        sign = 1.0 if float(evaluate(derivative(expression, regressand), {})) > 0.0 else -1.0
+    own_slope = derivative(expression, regressand)
+    if not any(set(symbols(slope)) & set(unknown) for slope in (*slopes, own_slope)):
+        sign = 1.0 if float(evaluate(own_slope, {})) > 0.0 else -1.0
         rest = substitute(expression, dict.fromkeys(unknown, ZERO))
         columns = [-sign * _column(slope, values, count) for slope in slopes]
         target = sign * _column(rest, values, count)
         own = {name: Variable(name) for name in unknown}
         return Regression(np.stack(columns, axis=1), target, tuple(unknown), own, own)
-    return _of_quotients(expression, regressand, values, count)
+    return _of_quotients(expression, regressand, values, count, start, yielding)
 
 
 def _of_quotients(
-    expression: Expression, regressand: str, values: Mapping[str, Array], count: int
+    expression: Expression,
+    regressand: str,
+    values: Mapping[str, Array],
+    count: int,
+    start: Mapping[str, float],
+    yielding: Collection[str],
 ) -> Regression:
     """Each term over that of the regressand, its number with the column."""
     terms = dict(collect(expression, tuple(values)))
     own = terms.pop(Variable(regressand))
     columns: dict[Expression, Array] = {}
     for basis, coefficient in terms.items():
-        factor, monomial = _parted(-coefficient / own)
+        factor, monomial = parted(divided(-coefficient / own))
         columns[monomial] = columns.get(monomial, 0.0) + factor * _column(basis, values, count)
     target = _column(Variable(regressand), values, count) - columns.pop(ONE, 0.0)
     quotients = {f"x_{number}": monomial for number, monomial in enumerate(columns)}
-    stacked = np.stack(list(columns.values()), axis=1)
-    if len({name for monomial in quotients.values() for name in symbols(monomial)}) > len(
-        quotients
-    ):
-        return Regression(stacked, target, tuple(quotients), {}, quotients, tuple(symbols(own)))
-    solved = {str(name): form for name, form in in_base(quotients, "quotients").items()}
-    return Regression(stacked, target, tuple(quotients), solved, quotients)
+    stacked = np.stack([*columns.values()], axis=1) if columns else np.empty((count, 0))
+    return of_quotients(stacked, target, quotients, start, (*yielding, *symbols(own)))
 
 
-def _parted(quotient: Expression) -> tuple[float, Expression]:
-    """Number and product of parameters of a quotient."""
+def of_quotients(
+    columns: Array,
+    target: Array,
+    quotients: Mapping[str, Expression],
+    start: Mapping[str, float],
+    yielding: Collection[str] = (),
+) -> Regression:
+    """Regression of quotients with a column each, see ``regression``.
+
+    It is ``unscaled`` as long as they leave a parameter open, whatever is recorded.
+    """
+    names = tuple(quotients)
+    loose = _alike(quotients, yielding)
+    if loose:
+        return Regression(columns, target, names, {}, quotients, (loose,))
+    if _are_monomials(quotients):
+        solved = {str(name): form for name, form in in_base(quotients, "quotients").items()}
+        return Regression(columns, target, names, solved, quotients)
+    used = dict.fromkeys(n for quotient in quotients.values() for n in symbols(quotient))
+    near = {name: start.get(name, 1.0) or TINY for name in used}
+    return Regression(columns, target, names, {}, quotients, (), near)
+
+
+def _are_monomials(quotients: Mapping[str, Expression]) -> bool:
+    """Whether the quotients are products of powers, as many as there are parameters in them."""
+    names = {name for quotient in quotients.values() for name in symbols(quotient)}
+    bases = (
+        f.base if isinstance(f, Power) else f for q in quotients.values() for f in factors_of(q)
+    )
+    return len(names) == len(quotients) and all(isinstance(base, Variable) for base in bases)
+
+
+def _alike(quotients: Mapping[str, Expression], first: Collection[str]) -> str:
+    """A parameter that no recording tells from the others, of ``first`` if one is; else empty.
+
+    Its column of the slopes depends on those of the others, at any point.
+    """
+    names = dict.fromkeys(n for quotient in quotients.values() for n in symbols(quotient))
+    point = {name: 1.0 + 0.37 * number for number, name in enumerate(names)}
+    slopes = _slopes(quotients.values(), point)
+    rank = np.linalg.matrix_rank(slopes) if slopes.size else 0
+    if rank == len(names):
+        return ""
+    for name in (*(n for n in first if n in names), *reversed(names)):
+        column = list(names).index(name)
+        if np.linalg.matrix_rank(np.delete(slopes, column, axis=1)) == rank:
+            return name
+    return ""
+
+
+def parted(quotient: Expression) -> tuple[float, Expression]:
+    """Number and product of parameters of a quotient; a sum of them has the number 1."""
     factors = factors_of(quotient)
     numbers = [factor for factor in factors if isinstance(factor, Constant)]
     number = float(np.prod([factor.value for factor in numbers])) if numbers else 1.0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.bond_graph.actuator_model import Actuator
-from flea_diag.core.bond_graph.causal_relation import Relation, in_order
+from flea_diag.core.bond_graph.causal_relation import in_order
 from flea_diag.core.bond_graph.state_space import StateSpace
-from flea_diag.core.symbolic.expression import evaluate
+from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import ModelError
 
 NEGLIGIBLE = 1e-9
@@ -72,7 +72,7 @@ def operating_values(
         x[free_x] += step[: len(free_x)]
         u[free_u] += step[len(free_x) :]
         if np.max(np.abs(step)) <= 1e-12 * (1.0 + np.max(np.abs(x))):
-            return _all_values(actuator.relations("stand"), model.values(x, u))
+            return _all_values(actuator, model.values(x, u))
     raise ModelError(
         f"{actuator.name}: no steady state holds {dict(zip(point.hold, targets, strict=True))};"
         " choose other values in operating_point"
@@ -117,8 +117,11 @@ def _newton_step(
     return step
 
 
-def _all_values(relations: tuple[Relation, ...], known: dict[str, float]) -> dict[str, float]:
-    values = dict(known)
+def _all_values(actuator: Actuator, known: dict[str, float]) -> dict[str, float]:
+    """All variables, of what the readings depend on; what no reading depends on is as stated."""
+    relations = actuator.relations("stand")
+    unseen = dict.fromkeys((name for r in relations for name in symbols(r.expression)), 0.0)
+    values = {**unseen, **actuator.graph.values(), **actuator.operating.fixed, **known}
     for relation in in_order(relations):
         value = float(evaluate(relation.expression, values))
         values[relation.target] = value if abs(value) > NEGLIGIBLE else 0.0

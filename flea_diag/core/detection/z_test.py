@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,8 @@ class ZTests:
         self._gated, self._compiled = gate == "moving", compiled
         every = enumerate(known.rows)
         columns = [j for j, row in every if row.gate == gate and row.name in limits]
+        # Those in which healthy units differ side by side, whatever stands between them.
+        columns = _together(columns, known.spreading)
         rows = [known.rows[j] for j in columns]
         self._columns = np.array(columns, dtype=int)
         self._windows = sorted({counts.of(time_s) for row in rows for time_s in row.windows_s}) or [
@@ -50,7 +52,8 @@ class ZTests:
         # Where healthy units differ: their columns here, and their places in a row's spread.
         differing = known.spreading
         self._spread = [c for c, j in enumerate(columns) if j in differing]
-        self._spreading = _together(self._spread)
+        first = self._spread[0] if self._spread else 0
+        self._spreading = slice(first, first + len(self._spread))
         self._places = np.array([differing.index(columns[c]) for c in self._spread], dtype=int)
         self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
@@ -180,8 +183,8 @@ class ZTests:
         self._held[0, mine] = np.nan
 
 
-def _together(columns: list[int]) -> slice:
-    """Columns that lie side by side, as those of one kind do, as a slice."""
-    start = columns[0] if columns else 0
-    assert columns == list(range(start, start + len(columns)))
-    return slice(start, start + len(columns))
+def _together(columns: list[int], wanted: Collection[int]) -> list[int]:
+    """Columns in their order, but with the wanted ones side by side where the first of them is."""
+    some = [column for column in columns if column in wanted]
+    before = [column for column in columns if some and column < some[0]]
+    return [*before, *some, *(c for c in columns if c not in wanted and c not in before)]

@@ -16,6 +16,8 @@ from flea_diag.core.symbolic.expression import (
 )
 from flea_diag.errors import ModelError, shown
 
+MECHANICAL = ("rotation", "translation")
+"""Domains in which parts move."""
 CONVERTER = "converter"
 """Law of a two-port of which only the power is known."""
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Annotated
+from dataclasses import asdict, dataclass, field, fields, make_dataclass
+from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,8 @@ class ActuatorParameters(Frozen):
     arithmetic.
     """
 
-    force_constant_n_per_a: Annotated[float, within(1e-3, 1e6, above=0.0)] = 1.0
-    back_emf_v_s_per_m: Annotated[float, within(1e-3, 1e6, above=0.0)] = 1.0
+    force_constant_n_per_a: Annotated[float, within(1e-9, 1e9, above=0.0)] = 1.0
+    back_emf_v_s_per_m: Annotated[float, within(1e-9, 1e9, above=0.0)] = 1.0
     winding_resistance_ohm: Annotated[float, within(1e-6, 1e6, above=0.0)] = 1.0
     winding_inductance_h: float = 0.0
     current_offset_a: float = 0.0
@@ -37,7 +38,7 @@ class ActuatorParameters(Frozen):
     viscous_friction_n_s_per_m: float = 0.0
     load_friction_ratio: float = 0.0
     stribeck_speed_m_s: Annotated[float, within(1e-6, 1e3, above=0.0)] = 1.0
-    reflected_mass_kg: Annotated[float, within(1e-3, 1e9, above=0.0)] = 1.0
+    reflected_mass_kg: Annotated[float, within(1e-12, 1e9, above=0.0)] = 1.0
     motor_heating_k_per_a2s: float = 0.0
     motor_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 1.0
     nut_heating_k_per_j: float = 0.0
@@ -57,6 +58,41 @@ class ActuatorParameters(Frozen):
     def moving_m_s(self) -> float:
         """Speed above which the actuator moves."""
         return MOVING_WIDTHS * self.stribeck_speed_m_s
+
+
+STANDARD = frozenset(entry.name for entry in fields(ActuatorParameters))
+"""Parameters that every calibration holds; a description may name further ones."""
+
+
+@lru_cache(maxsize=64)
+def _holding(further: tuple[str, ...]) -> type[ActuatorParameters]:
+    """Parameters that hold these besides, by their names."""
+    if not further:
+        return ActuatorParameters
+    return make_dataclass(
+        ActuatorParameters.__name__,
+        [(name, float, field(default=0.0)) for name in further],
+        bases=(ActuatorParameters,),
+        frozen=True,
+        slots=True,
+        namespace={"__reduce__": _parts},
+    )
+
+
+def _parts(parameters: ActuatorParameters) -> tuple[Any, ...]:
+    """How to make them in another process, which does not know their type."""
+    return actuator_parameters, (asdict(parameters),)
+
+
+def actuator_parameters(values: Mapping[str, float]) -> ActuatorParameters:
+    """Parameters of these values, neutral where none is given; further names are held, too."""
+    further = tuple(sorted(set(values) - STANDARD))
+    return _holding(further)(**values)
+
+
+def further_of(parameters: ActuatorParameters) -> dict[str, float]:
+    """Those that only this description names."""
+    return {name: value for name, value in asdict(parameters).items() if name not in STANDARD}
 
 
 def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
+from flea_diag.core.residuals.measured_graph import MECHANICAL, channel_of
 from flea_diag.core.residuals.parity import ParityRelation, parity_relation
 from flea_diag.core.residuals.prediction import Prediction, prediction
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
@@ -53,7 +54,8 @@ def relation_set(
     dry: Expression = ZERO
     base = _Base.of(actuator, held)
     for spec, relation in _closed(actuator, names, unread):
-        shape_of = partial(_shape, shapes=shapes, moves=spec.kind != "difference")
+        moves = partial(_of_motion, actuator) if spec.kind != "difference" else _never
+        shape_of = partial(_shape, shapes=shapes, moves=moves)
         shaped = rewritten(base.form(relation.expression), shape_of)
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
@@ -133,7 +135,8 @@ def _predictions(
             row = prediction(actuator, spec)
         except ModelError:
             continue
-        supply = rewritten(base.form(row.supply), lambda node: _shape(node, shapes))
+        shape_of = partial(_shape, shapes=shapes, moves=partial(_of_motion, actuator))
+        supply = rewritten(base.form(row.supply), shape_of)
         exchange = {name: base.form(rate) for name, rate in row.exchange.items()}
         circle = [name for name in actuator.predicted if name in symbols(supply)]
         if circle:
@@ -175,14 +178,32 @@ class _Base:
         return divided(substitute(divided(rewritten_in(expression, self.known)), self.fixed))
 
 
-def _shape(node: Expression, shapes: dict[Function, str], moves: bool = True) -> Expression:
+def _never(shape: Function) -> bool:
+    return False
+
+
+def _of_motion(actuator: Actuator, shape: Function) -> bool:
+    """Whether a function is the smooth sign of a motion: its argument reads nothing else."""
+    read = [channel_of(name) for name in symbols(shape.argument)]
+    sensors = [(actuator.sensors[name], order) for name, order in read if name in actuator.sensors]
+    places = [(actuator.graph.elements.get(sensor.at), order) for sensor, order in sensors]
+    return (
+        shape.name == "tanh"
+        and bool(places)
+        and all(place is not None and place.domain in MECHANICAL for place, _ in places)
+    )
+
+
+def _shape(
+    node: Expression, shapes: dict[Function, str], moves: Callable[[Function], bool]
+) -> Expression:
     """A function that generated code cannot call, by its name among the shapes.
 
-    The first smooth sign in a balance is that of the motion.
+    The first smooth sign of a motion in a balance is the direction.
     """
     if not isinstance(node, Function) or node.name in SCOPE:
         return node
     if node not in shapes:
-        first = moves and node.name == "tanh" and DIRECTION not in shapes.values()
+        first = DIRECTION not in shapes.values() and moves(node)
         shapes[node] = DIRECTION if first else f"shape_{len(shapes)}"
     return Variable(shapes[node])

@@ -22,17 +22,20 @@ import numpy.typing as npt
 
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.residuals.parameters import LATER_TOLERANCES
+from flea_diag.core.residuals.parameters import LATER_TOLERANCES, ZEROS
 from flea_diag.core.residuals.prediction import Prediction
 from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.residuals.stop import Stop
+from flea_diag.core.symbolic.collect import expand
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Expression,
     Function,
+    Variable,
     derivative,
     evaluate,
     symbols,
+    total,
 )
 from flea_diag.core.symbolic.generated import compiled, function_source
 
@@ -195,8 +198,28 @@ class RelationSet(Frozen):
 
     def _apart(self, row: CompiledRelation, unit: str) -> Expression:
         """D r / d theta; 0 for what healthy units are alike in unless the description says more."""
-        alike = unit in LATER_TOLERANCES and unit not in self.tolerances
-        return ZERO if alike else derivative(row.expression, unit)
+        if not self._states(unit) or unit == self.unscaled.get(row.name):
+            return ZERO
+        return derivative(row.expression, unit)
+
+    def _states(self, unit: str) -> bool:
+        return unit not in LATER_TOLERANCES or unit in self.tolerances
+
+    @cached_property
+    def unscaled(self) -> Mapping[str, str]:
+        """Relation whose every term units differ in -> the parameter that the others stand for.
+
+        Where nothing of known size enters, such as a load cell's reading, a unit in which all terms
+        are larger by one share is the same: one of them is then no difference between units.
+        """
+        found = {}
+        for row in self.relations:
+            sizes = [u for u in self.units if u not in ZEROS and self._states(u)]
+            sizes = [u for u in sizes if u in symbols(row.expression)]
+            terms = (Variable(u) * derivative(row.expression, u) for u in sizes)
+            if sizes and expand(total(terms) - row.expression) == ZERO:
+                found[row.name] = sizes[-1]
+        return found
 
     @cached_property
     def source(self) -> str:

@@ -14,7 +14,7 @@ from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec, Sen
 from flea_diag.core.bond_graph.bond_graph import SOURCES
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
-from flea_diag.core.residuals.measured_graph import channel_of
+from flea_diag.core.residuals.measured_graph import MECHANICAL, channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
 from flea_diag.core.sensors.sensor_set import SensorSet
@@ -23,7 +23,6 @@ from flea_diag.errors import ModelError
 
 DRIVEN = "driven"
 """Model whose inputs are measured: that of the state observer."""
-MECHANICAL = ("rotation", "translation")
 COMPILED = ("junction", "power", "difference")
 """Kinds of residuals that are parity relations."""
 

@@ -85,6 +85,8 @@ class ResidualStream:
         # The command corroborates the measured voltage, where the stand has it.
         signals, command = relations.signals, known.command
         self._command = signals.index(command) if command in signals else None
+        # The zero of a mean voltage is that of its sensor; what is sampled off a bridge wanders.
+        self._wanders = self._command is not None or c.voltage_sampling == "instant_pwm"
         self._sensors = SensorValidation(known, c, backend)
         self._voltage = VoltageTrust(known, c.voltage_limit_v, c.counts)
         self._estimate = estimate
@@ -222,7 +224,8 @@ class ResidualStream:
             self.envelope.leave_out(residuals)
         regressors = self._regressors.rows(rows, residuals)
         place = self.envelope.place if self.envelope is not None else ANYWHERE
-        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, place)
+        doubted = alone if self._wanders else None
+        results = self._tests.step(residuals, (sensors, self._sensors.k), doubted, place)
         results.void = void
         if read:
             outside = self.envelope is not None and bool(self.envelope.outside)

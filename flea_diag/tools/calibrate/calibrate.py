@@ -16,7 +16,7 @@ from flea_diag.tools.calibrate.nominal_recording import read_nominal
 from flea_diag.tools.calibrate.recording_checks import check_signs
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.extra import require
-from flea_diag.tools.stand_option import absolute, add_stand, chosen_stand
+from flea_diag.tools.stand_option import absolute, accepted_stand, add_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 from flea_diag.tools.workers import KeptPool
 
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.calibrate.procedure import learn
     from flea_diag.tools.recordings.raw_recordings import as_bags
 
-    stand = chosen_stand(arguments, "actuator")
+    stand = accepted_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
     used = absolute(stand) if arguments.dask else stand
     with as_bags(arguments.bags, stand) as bags, KeptPool(arguments.jobs) as pool:
@@ -144,10 +144,22 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
 
     Raises
     ------
+    CalibrationError
+        No other command would read it: a number is out of its range.
     ConfigurationError
         The file cannot be written.
     """
     import yaml
 
+    from flea_diag.core.calibration.calibration_reader import from_mapping
+
+    content = calibration.to_mapping()
+    try:
+        from_mapping(content, "the recordings give a calibration that no command takes")
+    except CalibrationError as error:
+        raise CalibrationError(
+            f"{error}: nothing is written; correct the values of the description, or record motion "
+            "under loads that show them"
+        ) from None
     make_folder(path.parent)
-    write_text(path, yaml.safe_dump(calibration.to_mapping(), sort_keys=False, width=100))
+    write_text(path, yaml.safe_dump(content, sort_keys=False, width=100))

@@ -16,7 +16,8 @@ from flea_diag.core.calibration import (
     physical_values,
 )
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
-from flea_diag.core.calibration.identification import Identified, RelationsOf
+from flea_diag.core.calibration.identification import RelationsOf
+from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.calibration.innovation_learning import Array, ObserverStatistics
 from flea_diag.core.calibration.limits import thresholds
 from flea_diag.core.calibration.limits.thresholds import LimitFit

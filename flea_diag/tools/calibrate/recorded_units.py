@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.calibration.run_spread import (
     LEAST_UNITS,
     are_one,

@@ -14,7 +14,8 @@ from flea_diag.tools.workers import KeptPool, in_order
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import NominalRun
-    from flea_diag.core.calibration.identification import Identified, RelationsOf
+    from flea_diag.core.calibration.identification import RelationsOf
+    from flea_diag.core.calibration.identified import Identified
     from flea_diag.core.calibration.innovation_learning import Array
     from flea_diag.core.calibration.nominal_trace import Trace
     from flea_diag.core.observers.observer_noise import ObserverNoise

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.argument import add_json
 from flea_diag.tools.model import views as model_views
-from flea_diag.tools.stand_option import add_stand
+from flea_diag.tools.stand_option import accepted_stand, add_stand
 from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
@@ -80,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.core.bond_graph.causality import require_sound
 
     model = model_views.model_of(arguments)
+    if arguments.view in model_views.OF_A_STAND and model.base_parameters:
+        accepted_stand(arguments, "actuator", "faults")
     if arguments.dot or arguments.svg:
         _picture(model, arguments)
     if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):

@@ -165,6 +165,10 @@ VIEWS: dict[str, Callable[[Actuator, argparse.Namespace], View]] = {
 }
 
 
+OF_A_STAND = ("equations", "signatures", "diagnosability")
+"""Those that no stand is shown in which another command would refuse; the others inspect."""
+
+
 def model_of(arguments: argparse.Namespace) -> Actuator:
     """The described actuator with the fitted sensors."""
     whole = _whole(arguments)
@@ -176,7 +180,7 @@ def _whole(arguments: argparse.Namespace) -> Actuator:
     from flea_diag.core.bond_graph.actuator import actuator
 
     path = _stand(arguments).actuator
-    return actuator(load_yaml(path), path.name, sound=arguments.view != "show")
+    return actuator(load_yaml(path), str(path), sound=arguments.view != "show")
 
 
 def _stand(arguments: argparse.Namespace) -> Stand:
@@ -192,7 +196,7 @@ def _faults(model: Actuator, arguments: argparse.Namespace) -> dict[str, Fault]:
     from flea_diag.core.faults.fault import catalogue, of_sensors
 
     path = _stand(arguments).faults
-    known = of_sensors(catalogue(load_yaml(path), _whole(arguments), path.name), model.sensors)
+    known = of_sensors(catalogue(load_yaml(path), _whole(arguments), str(path)), model.sensors)
     for name in arguments.fault or ():
         if name not in known:
             raise ConfigurationError(f"--fault {name} is unknown: choose of {', '.join(known)}")

@@ -127,11 +127,14 @@ def _mapping(stand: str) -> SourceMapping | None:
     """Mapping of the stand; None where its recordings are the FLEA's text files."""
     if not stand:
         return None
+    from flea_diag.configuration.acceptance import require_accepted
     from flea_diag.configuration.channels import channel_sources
     from flea_diag.configuration.stand import load_stand
     from flea_diag.wire.sources.mapping import FLEA_TEXT
 
-    found = channel_sources(load_stand(stand))
+    known = load_stand(stand)
+    require_accepted(known)
+    found = channel_sources(known)
     return None if found.format == FLEA_TEXT else found
 
 

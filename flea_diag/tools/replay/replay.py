@@ -16,7 +16,7 @@ from flea_diag.tools.argument import add_cluster, add_jobs
 from flea_diag.tools.bag_url import BagUrl, bag_place, local
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.refused import Refused, refusing
-from flea_diag.tools.stand_option import absolute, add_calibration, add_stand, chosen_stand
+from flea_diag.tools.stand_option import absolute, accepted_stand, add_calibration, add_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
 from flea_diag.tools.workers import in_order
 
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Replay all bags; a refused bag does not stop the others."""
     _check_names(arguments.json, arguments.bags)
-    stand = chosen_stand(arguments, "calibration")
+    stand = accepted_stand(arguments, "calibration")
     if arguments.dask:  # its workers are elsewhere, in another folder
         stand = absolute(stand)
     summaries: list[dict[str, Any]] = []

@@ -20,7 +20,7 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.sensor_models import ELAPSED, expected
 from flea_diag.core.likelihood.size_bound import LikelihoodOf, SizeBound, size_bounds
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import ActuatorParameters, actuator_parameters
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
@@ -61,7 +61,7 @@ class FaultSizes:
         """As calibrated, or as described."""
         if self.calibration is not None:
             return self.calibration.parameters
-        return ActuatorParameters(**self.relations.described)
+        return actuator_parameters(self.relations.described)
 
     @cached_property
     def relations(self) -> RelationSet:

@@ -36,11 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the page; 0: all usable, 1: a recording or a channel is not."""
+    from flea_diag.configuration.acceptance import require_accepted
     from flea_diag.configuration.stand import load_stand
     from flea_diag.tools.stand_check.page_text import as_mapping, as_text
     from flea_diag.tools.stand_check.stand_page import stand_page
 
     stand = load_stand(arguments.folder)
+    require_accepted(stand)
     motions, refused = _read(arguments.recordings, stand)
     page = stand_page(stand, motions)
     say(json.dumps(as_mapping(page), indent=2) if arguments.json else as_text(page))

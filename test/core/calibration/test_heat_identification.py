@@ -11,7 +11,7 @@ from support.observed import flea_parameters
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals, identify
-from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.calibration.identified import Identified
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
