@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 
-from support.machine_commands import through_all
+from support.machines.commands import through_all
 
 
 def judged(seed: int, folder: Path, recorded: bool) -> tuple[int, str, list[str]]:

@@ -16,6 +16,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 import flea_diag.core
+from flea_diag.core.bond_graph.law_table import law_lines
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.tools.main import commands, parser_of
 from flea_diag.wire.bus.declared import Common
@@ -46,8 +47,21 @@ def pages() -> dict[str, Iterator[str]]:
         "python": python_page(),
         "core/index": docstrings_page("Core", *modules),
         **{f"core/{name.split('.')[-1]}": docstrings_page("", name) for name in packages},
+        "laws": laws_page(),
         "stages": docstrings_page("", "flea_diag.stages"),
     }
+
+
+def laws_page() -> Iterator[str]:
+    """Every law that an element of a description may have."""
+    yield "# Laws of elements\n"
+    yield (
+        "`law` of an element names its equation, `parameters` who plays each role. Units are those"
+        " of the domain in the example; in another domain they follow from its effort and flow."
+        " What is *assumed* keeps the value of the description; a calibration fits the others, as"
+        " far as `base_parameters` names them and recordings tell them apart.\n"
+    )
+    yield from law_lines()
 
 
 def commands_page() -> Iterator[str]:

@@ -163,9 +163,24 @@ def _resistor(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
 
 
 def _transformer(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    one, _ = graph.at(element.name)
+    f1 = _symbols(graph, one)[1]
+    n, law = _parameters(element).get("ratio"), graph.law(element)
+    turned: list[Relation] = []
+    if law is not None and law.ratio is not None:
+        state = element.state or f"q_{element.name}"
+        turned = [Relation(state, f1, element.name, temporal=True)]
+        n = law.ratio(Variable(state), _parameters(element))
+    assert n is not None
+    return [*turned, *_transformed(graph, element, ends, n)]
+
+
+def _transformed(
+    graph: BondGraph, element: Element, ends: Mapping[str, str], n: Expression
+) -> list[Relation]:
+    """e1 = n e2, f2 = n f1, by the causality of port 1."""
     one, two = graph.at(element.name)
     (e1, f1), (e2, f2) = _symbols(graph, one), _symbols(graph, two)
-    n = _parameters(element)["ratio"]
     if ends[one.name] == element.name:
         return [Relation(e1.name, n * e2, element.name), Relation(f2.name, n * f1, element.name)]
     return [Relation(e2.name, e1 / n, element.name), Relation(f1.name, f2 / n, element.name)]

@@ -66,6 +66,8 @@ class Law:
     effort: Formula | None = None
     flow: Formula | None = None
     modulated: bool = False
+    ratio: Formula | None = None
+    """Of a TF whose ratio follows the displacement at its port 1, which it takes first."""
 
 
 def _smooth_sign(flow: Expression, p: Values) -> Expression:
@@ -123,6 +125,21 @@ LAWS: dict[str, Law] = {
         ),
         modulated=True,
     ),
+    "warm_friction": Law(
+        "R",
+        {
+            "coulomb": _LEVEL,
+            "viscous": _VISCOUS,
+            "per_kelvin": Role(lambda d: per(UNITS["1"], d.by), "any"),
+            "reference": Role(lambda d: d.by, "any", assumed=True),
+            "smooth_flow": _WIDTH,
+        },
+        effort=lambda f, p: (
+            (p["coulomb"] * _smooth_sign(f, p) + p["viscous"] * f)
+            * (1 + p["per_kelvin"] * (p["by"] - p["reference"]))
+        ),
+        modulated=True,
+    ),
     "warm_resistance": Law(
         "R",
         {
@@ -163,8 +180,22 @@ LAWS: dict[str, Law] = {
         effort=lambda q, p: (q - _contact(q / p["compliance"], p)) / p["compliance"],
         flow=lambda e, p: p["compliance"] * e + _contact(e, p),
     ),
+    # An arm in the field of gravity is a store: lifting it takes power, lowering it gives it back.
+    "link_weight": Law(
+        "C",
+        {"level": Role(lambda d: d.effort, "any"), "upright": Role(lambda d: d.effort, "any")},
+        effort=lambda q, p: p["level"] * apply("cos", q) + p["upright"] * apply("sin", q),
+    ),
     "capacity": Law("C", {"capacity": Role(lambda d: per(times(d.flow, SECOND), d.effort))}),
     "transformer": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
+    "crank": Law(
+        "TF",
+        {
+            "radius": Role(lambda d: per(d.effort, d.effort_2), "!= 0"),
+            "zero": Role(lambda d: times(d.flow, SECOND), "any", assumed=True),
+        },
+        ratio=lambda q, p: p["radius"] * apply("cos", q - p["zero"]),
+    ),
     "converter": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
     "gyrator": Law("GY", {"modulus": Role(lambda d: per(d.effort, d.flow_2), "!= 0")}),
     "motor": Law(

@@ -21,7 +21,7 @@ import numpy as np
 from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
-from flea_diag.core.calibration.identified import NOT_NEGATIVE, Fit, Identified, possible
+from flea_diag.core.calibration.identified import NOT_NEGATIVE, Identified, RelationFits, possible
 from flea_diag.core.calibration.relation_fit import Regression
 from flea_diag.core.calibration.robust_regression import robust_fit
 from flea_diag.core.calibration.smoothed_columns import Array, Flags, Numbers, Smoothed, smooth
@@ -84,7 +84,7 @@ def identify(
             f"the recordings hold {moved_s:.1f} s of motion above {moving_m_s:g} m/s, "
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
-    fit = Fit(data, relations, signals, result)
+    fit = RelationFits(data, relations, signals, result)
     steady = _settled(data, ways(moving, speed_m_s), period_s, kernel_length)
     _friction(fit, moving, steady)
     _electrical(fit)
@@ -106,7 +106,7 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
     rows = data.rows
     use = data.with_values(rows.encoder, rows.position)
     signals = data.signals(relations, result.parameters) if use.any() else {}
-    fit = Fit(data, relations, signals, result)
+    fit = RelationFits(data, relations, signals, result)
     name = "encoder_m_per_rad"
     relation, slope = next(iter(rows.of_one_speed), ""), rate_symbol(rows.position)
     made = fit.regression(relation, slope, [name], use) if signals else None
@@ -135,7 +135,7 @@ def _settled(data: Smoothed, way: Ways, period_s: float, kernel_length: int) -> 
     return np.asarray(since > scans)
 
 
-def _friction(fit: Fit, moving: Flags, settled: Flags) -> None:
+def _friction(fit: RelationFits, moving: Flags, settled: Flags) -> None:
     """The balance that holds the friction: of forces, or of power."""
     rows, relation = fit.data.rows, fit.data.rows.friction
     names = (*NOT_NEGATIVE, *DRIVES, *fit.further(relation))
@@ -154,9 +154,9 @@ def _friction(fit: Fit, moving: Flags, settled: Flags) -> None:
 
 
 def _not_negative(
-    fit: Fit, relation: str, names: list[str], use: Flags
+    fit: RelationFits, relation: str, names: list[str], use: Flags
 ) -> tuple[Regression, Array, dict[str, float], Array] | None:
-    """Fit in which no friction is negative beyond its error; one that is counts as 0.
+    """RelationFits in which no friction is negative beyond its error; one that is counts as 0.
 
     A mass is taken from the description instead. The others are then fitted anew: they would hold
     what it had taken from them.
@@ -193,7 +193,7 @@ def _check_sign(values: Mapping[str, float], load: str) -> None:
             )
 
 
-def _electrical(fit: Fit) -> None:
+def _electrical(fit: RelationFits) -> None:
     own = ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v")
     names = (*own, "drive_drop_v", *fit.further(fit.data.rows.circuit))
     p, result = fit.result.parameters, fit.result
@@ -217,7 +217,7 @@ def _electrical(fit: Fit) -> None:
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
 
 
-def _others(fit: Fit) -> None:
+def _others(fit: RelationFits) -> None:
     """Relations of other kinds, such as the balance of a second moved part."""
     for row in fit.relations.relations:
         names = fit.further(row.name)
@@ -231,7 +231,7 @@ def _others(fit: Fit) -> None:
     fit.result.missing(left, "no relation of these channels fixes it")
 
 
-def _drive(fit: Fit) -> None:
+def _drive(fit: RelationFits) -> None:
     names = ("drive_gain", "drive_offset_v", "drive_drop_v")
     use = np.ones(len(fit.data.run), dtype=bool)
     pair = {fit.data.rows.voltage, fit.data.rows.command}
@@ -243,7 +243,7 @@ def _drive(fit: Fit) -> None:
     fit.take(made, use)
 
 
-def _position(fit: Fit) -> None:
+def _position(fit: RelationFits) -> None:
     """Two positions of one part; what lies between them stretches under the load."""
     data, result, name = fit.data, fit.result, "position_offset_m"
     held = [row for row in fit.relations.relations if name in symbols(row.expression)]

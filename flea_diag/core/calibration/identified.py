@@ -56,7 +56,7 @@ class Identified:
 
 
 @dataclass(frozen=True)
-class Fit:
+class RelationFits:
     """What the regressions of one calibration share; ``signals``: columns by name, shape (n,)."""
 
     data: Smoothed

@@ -45,7 +45,7 @@ Signals = Mapping[str, Array]
 
 LEAST_LEFT = 1e-6
 """Share of a column that the others must leave: with less of it rounding would decide."""
-NEWTON_STEPS = 30
+NEWTON_STEPS = 30  # far more than any quotient has needed: it converges in a few
 TINY = 1e-6
 """Start of a parameter whose value is said to be 0."""
 

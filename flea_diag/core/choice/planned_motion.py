@@ -22,7 +22,7 @@ from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.scan_counts import COUNTED_PERIOD_S
 from flea_diag.core.symbolic.collect import solved_for
-from flea_diag.core.symbolic.expression import Function, evaluate, symbols
+from flea_diag.core.symbolic.expression import Function, derivative, evaluate, symbols
 
 Array = npt.NDArray[np.float64]
 
@@ -167,8 +167,8 @@ def _unknown(row: CompiledRelation, known: Mapping[str, Array]) -> list[str]:
 def _solved(row: CompiledRelation, name: str, known: Mapping[str, Array]) -> dict[str, Array]:
     """A signal in which a relation is linear, and its rate where those of the others are known."""
     solution = solved_for(name, row.expression)
-    if solution is None:
-        return {}
+    if solution is None or not np.all(evaluate(derivative(row.expression, name), known)):
+        return {}  # not linear, or a parameter that is 0 makes it of no size
     found = {name: evaluate(solution, known)}
     constants = frozenset(symbols(solution)) - frozenset(row.signals)
     rate = time_derivative(solution, constants)

@@ -30,6 +30,7 @@ from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.symbolic.collect import divided, solved_for, terms_of
 from flea_diag.core.symbolic.expression import (
+    FUNCTIONS,
     ZERO,
     Expression,
     Variable,
@@ -38,7 +39,7 @@ from flea_diag.core.symbolic.expression import (
     symbols,
     total,
 )
-from flea_diag.core.symbolic.generated import compiled, function_source
+from flea_diag.core.symbolic.generated import SCOPE, compiled, function_source
 from flea_diag.errors import ModelError
 
 
@@ -182,7 +183,7 @@ class DrivenEquations(Frozen):
     @cached_property
     def functions(self) -> Mapping[str, FunctionType]:
         """``readings``, ``motion``, ``friction`` and ``supplies``, compiled."""
-        return compiled(self.source, {"tanh": np.tanh, "exp": np.exp})
+        return compiled(self.source, {n: f for n, f in FUNCTIONS.items() if n not in SCOPE})
 
 
 @lru_cache(maxsize=8)
@@ -230,6 +231,7 @@ def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
         next((name for name in known.predicted if name in known.signals), ""),
     )
     _check(made)
+    _check_inputs(made, known)
     return made
 
 
@@ -282,6 +284,25 @@ def _check(made: DrivenEquations) -> None:
                     f"the state observer needs {what} linear in {', '.join(names)}, but its slope"
                     f" by {name} depends on {sorted(odd)[0]}: set state_observer to none"
                 )
+
+
+def _check_inputs(made: DrivenEquations, known: RelationSet) -> None:
+    """Refuse what the model does not follow, such as a position that a weight depends on."""
+    by = made.channels
+    taken = {*by.pushed, by.voltage, made.winding, *known.shapes}
+    for what, row, more in (
+        ("acceleration", made.acceleration, ""),
+        ("friction", made.friction, ""),
+        *((name, shape, "") for name, shape in made.shapes.items()),
+        *((name, row, by.position) for name, row in made.readings.items()),
+    ):
+        read = [n for n in symbols(row) if channel_of(n)[0] in known.units_of]
+        odd = [n for n in read if n not in {*taken, more}]
+        if odd:
+            raise ModelError(
+                f"the state observer does not follow {odd[0]}, which {what} depends on: set "
+                "state_observer to none"
+            )
 
 
 def numbers(function: FunctionType, parameters: Any, degc: float) -> Any:

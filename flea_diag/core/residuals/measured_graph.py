@@ -111,7 +111,7 @@ class MeasuredGraph:
         known = self.common(there, (*seen, node)) if there.kind == junction.kind else None
         if known is None:
             return None
-        ratio = Variable(element.parameters["ratio"])
+        ratio = self._ratio(element)
         # f2 = n f1 and e1 = n e2: a flow grows towards port 2, an effort towards port 1.
         towards_two = bond is two
         return known * ratio if towards_two == (junction.kind == "1") else known / ratio
@@ -159,11 +159,40 @@ class MeasuredGraph:
     def _compliance(
         self, element: Element, near: Element, p: Mapping[str, Expression]
     ) -> Expression:
-        law = self.graph.law(element)
+        law, place = self.graph.law(element), self._place(near)
+        if place is None or law is None or law.effort is None:
+            raise self._open(near, f"the effort of {element.kind} {shown(element.name)}")
+        return law.effort(place, p)
+
+    def _place(self, junction: Element, seen: tuple[str, ...] = ()) -> Expression | None:
+        """Displacement of a 1-junction, from a sensor on it or on the far side of a gear."""
         for sensor in self.actuator.sensors.values():
-            if sensor.at == near.name and sensor.integrates and law and law.effort:
-                return law.effort(Variable(sensor.channel), p)
-        raise self._open(near, f"the effort of {element.kind} {shown(element.name)}")
+            if sensor.at == junction.name and sensor.integrates:
+                return Variable(sensor.channel)
+        for bond in self.graph.at(junction.name):
+            gear = self.graph.elements[bond.other(junction.name)]
+            if gear.kind != "TF" or "ratio" not in gear.parameters or gear.name in seen:
+                continue
+            one, two = self.graph.at(gear.name)
+            far = two if bond is one else one
+            there = self._place(self.graph.elements[far.other(gear.name)], (*seen, gear.name))
+            if there is not None and gear.law != CONVERTER:
+                ratio = Variable(gear.parameters["ratio"])
+                return there * ratio if bond is two else there / ratio
+        return None
+
+    def _ratio(self, element: Element) -> Expression:
+        """Of a TF; that of a crank follows the displacement at its port 1."""
+        law = self.graph.law(element)
+        if law is None or law.ratio is None:
+            return Variable(element.parameters["ratio"])
+        one, _ = self.graph.at(element.name)
+        junction = self.graph.elements[one.other(element.name)]
+        place = self._place(junction)
+        if place is None:
+            raise self._open(junction, f"the angle of {shown(element.name)}")
+        p = {role: Variable(name) for role, name in element.parameters.items()}
+        return law.ratio(place, p)
 
     def displacement(self, store: Element) -> Expression:
         """Displacement of a C by the effort that the other elements at its junction leave it."""
@@ -183,7 +212,8 @@ class MeasuredGraph:
             raise self._open(self.graph.elements[bond.other(element.name)], "the effort of a drive")
         if element.kind == "TF":
             inner = self.effort(far, far.other(element.name))
-            return inner * p["ratio"] if bond is one else inner / p["ratio"]
+            ratio = self._ratio(element)
+            return inner * ratio if bond is one else inner / ratio
         role = ("back_emf" if bond is one else "torque") if "torque" in p else "modulus"
         return p[role] * self._known(self.graph.elements[far.other(element.name)])
 

@@ -63,7 +63,8 @@ def relation_set(
         rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind, pair))
         if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
-            push, dry = base.form(bare.expression), -derivative(shaped, DIRECTION)
+            push = rewritten(base.form(bare.expression), shape_of)
+            dry = -derivative(shaped, DIRECTION)
     rows.sort(key=lambda row: _rank(actuator, row))
     predictions = _predictions(actuator, base, shapes)
     named = MappingProxyType({name: shape for shape, name in shapes.items()})

@@ -22,6 +22,8 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "exp": np.exp,
     "fabs": np.fabs,
     "sign": np.sign,
+    "sin": np.sin,
+    "cos": np.cos,
 }
 """Every function an expression may hold; compiled code sees these names and no others."""
 
@@ -252,6 +254,8 @@ _OUTER: dict[str, Callable[[Function], Expression]] = {
     "exp": lambda f: f,
     "fabs": lambda f: apply("sign", f.argument),
     "sign": lambda f: ZERO,
+    "sin": lambda f: apply("cos", f.argument),
+    "cos": lambda f: -apply("sin", f.argument),
 }
 
 

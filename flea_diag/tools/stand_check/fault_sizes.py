@@ -66,7 +66,13 @@ class FaultSizes:
     @cached_property
     def relations(self) -> RelationSet:
         """Those that the recorded channels close."""
-        return compiled_relations(self.stand.actuator, self.channels)
+        return compiled_relations(self.stand.actuator, self.channels, self._has_encoder)
+
+    @property
+    def _has_encoder(self) -> bool:
+        """Whether an encoder has a lead: without it no relation takes it for the speed."""
+        known = self.calibration
+        return known is None or known.parameters.encoder_m_per_rad != 0.0
 
     @cached_property
     def effects(self) -> EffectSet:
@@ -83,7 +89,7 @@ class FaultSizes:
         Its reading is what a relation makes of the others.
         """
         channels = (*self.channels, channel)
-        relations = compiled_relations(self.stand.actuator, channels)
+        relations = compiled_relations(self.stand.actuator, channels, self._has_encoder)
         effects = effects_of(self.stand.actuator, self.stand.faults, relations, channels)
         motion = self.motion
         count = len(motion.regressors)

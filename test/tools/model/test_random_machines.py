@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.machine_commands import through_all
+from support.machines.commands import through_all
 
 
 @pytest.mark.parametrize("seed", [101, 107, 117])

@@ -13,8 +13,9 @@ import numpy as np
 
 from flea_diag.configuration.description import described
 from flea_diag.tools.main import main
+from support.machines.description import random_description
+from support.machines.recordings import write_recordings, write_stand
 from support.places import ROOT
-from support.random_machine import random_description, write_recordings, write_stand
 
 VIEWS = ("equations", "signatures", "diagnosability")
 REFUSED = 2

@@ -1,0 +1,1 @@
+"""Machines that are drawn at random, and all commands on them."""
