@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.bond_graph.bond_graph import DOMAINS
 from flea_diag.core.bond_graph.law import LAWS, Ports
-from flea_diag.core.symbolic.unit import dimension, spelled
+from flea_diag.core.symbolic.unit import UNITS, dimension, spelled
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ def law_lines() -> Iterator[str]:
     yield "|---|---|---|---|---|"
     for name, law in LAWS.items():
         row = ROWS[name]
+        thermal = "per_kelvin" in law.roles
+        by = dimension(DOMAINS["thermal" if thermal else "rotation"][0])
         units = [dimension(unit) for domain in row.ports for unit in DOMAINS[domain]]
-        ports = Ports(
-            *units,
-            by=dimension(DOMAINS["thermal" if "kelvin" in str(law.roles) else "rotation"][0]),
-        )
+        effort, flow, effort_2, flow_2 = (*units, UNITS["1"], UNITS["1"])[:4]
+        ports = Ports(effort, flow, effort_2, flow_2, by)
         roles = "; ".join(
             f"`{role}` in {spelled(known.dimension(ports)) or '1'}"
             + ("" if known.bound == "any" else f", {known.bound}")

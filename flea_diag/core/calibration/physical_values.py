@@ -11,7 +11,7 @@ from flea_diag.errors import CalibrationError
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import NominalRun
-    from flea_diag.core.calibration.identification import Identified
+    from flea_diag.core.calibration.identified import Identified
 
 VOLTAGE = "motor_voltage"
 SMALL, ONE_SIGN = 0.05, 0.01

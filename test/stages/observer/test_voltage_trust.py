@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support import stands
 from support.observed import FLEA_COUNTS
 from support.observer_scans import after, decisions, healthy, quality
 
+from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import DataQuality, Quality, Residual
 
@@ -37,13 +42,30 @@ def test_a_bad_voltage_is_no_fault_and_is_named(volts, until):
     assert start_s == pytest.approx(8.2, abs=0.3)
 
 
+def sampled(sampling: str) -> ObserverStage:
+    """An observer of a stand without a command, whose voltage is sampled so."""
+    known = replace(stands.calibration(), voltage_sampling=sampling)
+    return ObserverStage(known, of_stand.effects(stands.STAND, known), ObserverParameters())
+
+
+def test_the_zero_of_a_mean_voltage_is_that_of_its_sensor():
+    """No command stands beside it, and none is needed: the same reading twice tells no more."""
+    at = healthy()[0].channels.index("motor_voltage")
+    faulty = [
+        after(s, motor_voltage=s.values[at] + 3.4) if k >= 1200 else s
+        for k, s in enumerate(healthy())
+    ]
+    found = decisions(stands.replay(sampled("mean"), faulty))
+    assert found[0].residual == "parity_electrical"
+
+
 def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
     at = healthy()[0].channels.index("motor_voltage")
     faulty = [
         after(s, motor_voltage=s.values[at] + 3.4) if k >= 1200 else s
         for k, s in enumerate(healthy())
     ]
-    out = stands.replay(stands.observer(), faulty)
+    out = stands.replay(sampled("instant_pwm"), faulty)
     assert decisions(out) == []
     # The residual itself is there for whoever looks.
     last = stands.of(Residual, out)[-1]
