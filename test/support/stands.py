@@ -50,19 +50,20 @@ def shared_calibration(name: str, make: Callable[[], Calibration]) -> Calibratio
 
 
 @cache
-def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
+def calibration(channels: tuple[str, ...] = ema.STAND, sampling: str = "mean") -> Calibration:
     """Learned from the healthy runs, for a stand with these channels."""
 
     def made() -> Calibration:
         recordings = [
             NominalRecording(
-                NominalRun(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01
+                NominalRun(f"run{n}", ema.rows(columns, channels)), "s", channels, sampling, 0.01
             )
             for n, columns in enumerate(ema.nominal_runs())
         ]
         return calibrate(recordings, "actuator.yaml", 0.1)
 
-    return shared_calibration(f"linear_ema {channels}", made)
+    kind = "linear_ema" if sampling == "mean" else f"linear_ema {sampling}"
+    return shared_calibration(f"{kind} {channels}", made)
 
 
 @cache

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support import stands
@@ -44,7 +42,7 @@ def test_a_bad_voltage_is_no_fault_and_is_named(volts, until):
 
 def sampled(sampling: str) -> ObserverStage:
     """An observer of a stand without a command, whose voltage is sampled so."""
-    known = replace(stands.calibration(), voltage_sampling=sampling)
+    known = stands.calibration(sampling=sampling)
     return ObserverStage(known, of_stand.effects(stands.STAND, known), ObserverParameters())
 
 
@@ -66,7 +64,7 @@ def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
         for k, s in enumerate(healthy())
     ]
     out = stands.replay(sampled("instant_pwm"), faulty)
-    assert decisions(out) == []
+    assert not [d for d in decisions(out) if d.residual == "parity_electrical"]
     # The residual itself is there for whoever looks.
     last = stands.of(Residual, out)[-1]
     assert last.values[last.names.index("parity_electrical")] == pytest.approx(3.4, abs=0.5)
