@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.calibration.physical_values import check_physical
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.errors import CalibrationError

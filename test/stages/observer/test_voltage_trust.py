@@ -15,7 +15,7 @@ from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
-from flea_diag.wire.records import DataQuality, Quality, Residual
+from flea_diag.wire.records import DataQuality, Detection, Quality, Residual
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -64,7 +64,7 @@ def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
         for k, s in enumerate(healthy())
     ]
     out = stands.replay(sampled("instant_pwm"), faulty)
-    assert not [d for d in decisions(out) if d.residual == "parity_electrical"]
+    assert not [d for d in stands.of(Detection, out) if d.residual == "parity_electrical"]
     # The residual itself is there for whoever looks.
     last = stands.of(Residual, out)[-1]
     assert last.values[last.names.index("parity_electrical")] == pytest.approx(3.4, abs=0.5)
