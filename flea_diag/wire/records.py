@@ -20,6 +20,7 @@ from flea_diag.wire.vocabulary import DRIVER_DEAD as DRIVER_DEAD
 from flea_diag.wire.vocabulary import EARLIER_LEVEL as EARLIER_LEVEL
 from flea_diag.wire.vocabulary import END_OF_TRAVEL as END_OF_TRAVEL
 from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
+from flea_diag.wire.vocabulary import OFF_RATE as OFF_RATE
 from flea_diag.wire.vocabulary import OTHER_UNIT as OTHER_UNIT
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
 from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION as OUTSIDE_CALIBRATION

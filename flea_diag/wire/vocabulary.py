@@ -29,6 +29,8 @@ VIBRATION = "vibration"
 """Row of ``data_quality`` where no nominal range can judge an accelerometer."""
 STARVING = "starved: more than half of the scans lost or too late"
 """Reason of a stream that has too few scans left to test."""
+OFF_RATE = "scans come at "
+"""Begins the reason of a stream whose scans come at another rate than that of the calibration."""
 DRIVER_DEAD = "DAQ frozen: scans arrive, values do not change or are missing"
 """Reason of a stream on which no channel delivers new values any more."""
 

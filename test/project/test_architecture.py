@@ -206,7 +206,8 @@ ARROWS = {
     "flea_diag.stages": {
         "": (),
         "judgement": (),
-        "observer": ("judgement",),
+        "stream": (),
+        "observer": ("judgement", "stream"),
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),

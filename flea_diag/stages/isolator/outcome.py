@@ -25,6 +25,10 @@ DIVERGED = (
     "state observer diverged and no residual isolates a cause: the calibration does not fit this "
     "actuator, calibrate on its own recordings"
 )
+OTHER_RATE = (
+    "nothing is tested; send at that rate, or calibrate on recordings of this one, at which scans "
+    "are made (rate_hz of channels.yaml for flea import and the bridge)"
+)
 REMEDY = "calibrate on recordings of this unit"
 NAMING = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 NOT_ISOLATING = "innovation above threshold; no isolating residual yet"
@@ -55,6 +59,8 @@ class OutcomeRules:
         """Outcome and its words."""
         if stand.mismatch:
             return Outcome.MODEL_MISMATCH, stand.mismatch
+        if stand.off_rate:
+            return Outcome.MODEL_MISMATCH, f"{stand.off_rate.partition(';')[0]}: {OTHER_RATE}"
         if episode is None:
             # At most the last scan: the record being answered may come after a jump of the clock.
             if diverged(min(stamp_ns, stand.last_ns), stand.lost_ns):

@@ -20,6 +20,7 @@ from flea_diag.stages.judgement.unjudged import Unjudged
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,
+    OFF_RATE,
     OTHER_UNIT,
     OUTSIDE_CALIBRATION,
     STREAM,
@@ -57,6 +58,8 @@ class StandStatus:
     deaf: str = ""
     """Why no accelerometer is judged; empty: one is, or there is none."""
     mismatch: str = ""
+    off_rate: str = ""
+    """That scans come at another rate than that of the calibration; empty: they do not."""
     bad: tuple[str, ...] = ()
     contact: ChannelQuality | None = None
     """The row of data quality while the actuator is at an end of its travel."""
@@ -135,6 +138,8 @@ class StandStatus:
     def take(self, quality: DataQuality) -> bool:
         """Take the observer's data quality; whether the observer has been restarted."""
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
+        rows = (row for row in quality.channels if row.channel == STREAM)
+        self.off_rate = next((r.reason for r in rows if r.reason.startswith(OFF_RATE)), "")
         self.contact = _condition(quality, END_OF_TRAVEL)
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)

@@ -18,8 +18,8 @@ from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_records import ResidualRecords
-from flea_diag.stages.observer.stream_order import Place
 from flea_diag.stages.observer.takeover import takeover
+from flea_diag.stages.stream.stream_order import Place
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import (
     ANOTHER_UNIT,

@@ -17,7 +17,7 @@ from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.state_estimate import StateEstimate
-from flea_diag.stages.observer.stream_order import StreamOrder
+from flea_diag.stages.stream.stream_order import StreamOrder
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelTable
 
@@ -86,4 +86,6 @@ class ObserverChain:
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """The first scan at which a channel changes its state, or n; residuals and tests of all."""
         output = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
+        if self.order.rate.off_hz:
+            output.results.z.fill(np.nan)  # derivatives and windows count scans
         return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output

@@ -21,7 +21,6 @@ from flea_diag.core.sensors.reading_jump import ReadingJumps
 from flea_diag.stages.judgement.ledger import JudgementLedger
 from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
-from flea_diag.stages.observer.lost_scans import LostScans
 from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
@@ -29,6 +28,7 @@ from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
+from flea_diag.stages.stream.lost_scans import LostScans
 from flea_diag.wire.records import (
     NEVER_NS,
     OTHER_UNIT,

@@ -17,7 +17,7 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.stages.observer.state_estimate import NONE
-from flea_diag.stages.observer.stream_order import Place
+from flea_diag.stages.stream.stream_order import Place
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import ChannelTable, Record, Scan
 

@@ -14,7 +14,7 @@ from support.decisions import BAGS
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
-from flea_diag.stages.observer.lost_scans import parabola
+from flea_diag.stages.stream.lost_scans import parabola
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader

@@ -31,7 +31,7 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
     assert found["late"] == found["lost"] == 0
     assert counters(plain, jammed()[-1], "sensors/slow") == {
         "samples": 2001, "lost": 0, "late": 0, "duplicate": 1, "crowded": 0, "elsewhere": 0,
-        "jumps": 0,
+        "jumps": 0, "steps": 0,
     }  # fmt: skip
 
 

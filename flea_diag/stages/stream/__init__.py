@@ -1,0 +1,1 @@
+"""Order, losses and rate of a stream of scans, by its stamps."""

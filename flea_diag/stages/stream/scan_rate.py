@@ -1,0 +1,143 @@
+"""Rate of a stream of scans by its stamps, held against the rate of the calibration.
+
+Smoothing, derivatives and windows are counted in scans: at another rate every speed is wrong by the
+ratio, which reads as a fault of a sensor. A deviation counts beyond ``LEAST`` and five standard
+errors by the jitter of the stamps themselves, over half a second to five at 100 Hz. A source that
+sends every second or third scan, always, is one of a lower rate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Stamps = npt.NDArray[np.int64]
+
+EVERY = 50
+"""Scans from one look at the rate to the next."""
+LOOKS = (1, 2, 10)
+"""Numbers of such stretches that are looked at."""
+LEAST, SIGMAS = 0.004, 5.0
+"""Relative deviation that counts where stamps do not jitter, and standard errors where they do."""
+ALWAYS = 0.95
+"""Share of the scans after which the same number is missing: the rate is lower, nothing is lost."""
+MOST_MISSING = 9
+UNSURE, SCATTERED = 0.35, 0.1
+"""Parts of a period: beside the grid by more, a scan counts as unsure where stamps scatter so."""
+
+
+class _Mark(NamedTuple):
+    """So far: scans by the number missing before them, and what stamps are beside their grid.
+
+    ``beside_ns``: sum over the scans, ``squares``: sum of the squares; exact whole numbers.
+    ``unsure``: scans so far beside it that a period too many or too few may have been counted.
+    """
+
+    missing: tuple[int, ...]
+    beside_ns: int
+    squares: int
+    unsure: int
+
+
+class ScanRate:
+    """Rate of one stream.
+
+    Parameters
+    ----------
+    period_ns : time between two scans of the calibration
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self.off_hz = 0.0
+        """Rate of the scans while it is another than that of the calibration, else 0."""
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing spans the next scan: a gap, or a clock that was set."""
+        self._scans = self._beside_ns = self._squares = self._unsure = 0
+        self._missing = [0] * (MOST_MISSING + 1)
+        self._marks: deque[_Mark] = deque([self._mark()], maxlen=1 + LOOKS[-1])
+
+    def _mark(self) -> _Mark:
+        return _Mark(tuple(self._missing), self._beside_ns, self._squares, self._unsure)
+
+    def step(self, ahead_ns: int, missing: int) -> bool:
+        """Take a scan so long after the one before; whether what is said has changed."""
+        beside_ns = ahead_ns - (missing + 1) * self._period_ns
+        self._beside_ns += beside_ns
+        self._squares += beside_ns * beside_ns
+        self._unsure += abs(beside_ns) > UNSURE * self._period_ns
+        self._missing[min(missing, MOST_MISSING)] += 1
+        self._scans += 1
+        return self._scans % EVERY == 0 and self._look()
+
+    def _look(self) -> bool:
+        self._marks.append(self._mark())
+        before, self.off_hz = self.off_hz, self._judged(self._marks)
+        return bool(before) != bool(self.off_hz)
+
+    def _judged(self, marks: deque[_Mark]) -> float:
+        """Rate by these marks where it is another than that of the calibration, else 0."""
+        for stretches in LOOKS:
+            if len(marks) <= stretches:
+                break
+            first, last = marks[-1 - stretches], marks[-1]
+            counts = [b - a for a, b in zip(first.missing, last.missing, strict=True)]
+            scans = sum(counts)
+            most = max(range(len(counts)), key=counts.__getitem__)
+            regular = 0 < most < MOST_MISSING and counts[most] >= ALWAYS * scans
+            periods = scans * (most + 1) if regular else sum(
+                count * (missing + 1) for missing, count in enumerate(counts)
+            )  # fmt: skip
+            beside_ns = last.beside_ns - first.beside_ns
+            scatter = (last.squares - first.squares) / scans - (beside_ns / scans) ** 2
+            deviation = math.sqrt(max(scatter, 0.0)) / self._period_ns
+            error = SIGMAS * deviation / periods
+            if deviation > SCATTERED:
+                error += (last.unsure - first.unsure) / periods
+            longer = beside_ns / (periods * self._period_ns)
+            if regular or abs(longer) > LEAST + error:
+                times = (most + 1 if regular else 1) * (1.0 + longer)
+                return 1e9 / (times * self._period_ns)
+        return 0.0
+
+    def leading(self, before_ns: int, stamps_ns: Stamps) -> int:
+        """How many scans, none of them lost, come before one that changes what is said.
+
+        ``before_ns`` is the stamp of the scan before them.
+        """
+        marks, count = self._marks.copy(), len(stamps_ns)
+        beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
+        for at in range(-self._scans % EVERY or EVERY, count + 1, EVERY):
+            missing = (self._missing[0] + at, *self._missing[1:])
+            sums = self._beside_ns + int(beside_ns[at - 1]), self._squares + int(squares[at - 1])
+            marks.append(_Mark(missing, *sums, self._unsure + int(unsure[at - 1])))
+            if bool(self._judged(marks)) != bool(self.off_hz):
+                return at - 1
+        return count
+
+    def follow(self, before_ns: int, stamps_ns: Stamps) -> None:
+        """Take scans of which none is lost and none changes what is said."""
+        count, missing = len(stamps_ns), self._missing[0]
+        sums = self._beside_ns, self._squares, self._unsure
+        beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
+        ends = [*range(-self._scans % EVERY or EVERY, count + 1, EVERY)]
+        for at in dict.fromkeys((*ends, count)):
+            self._missing[0] = missing + at
+            self._beside_ns = sums[0] + int(beside_ns[at - 1])
+            self._squares = sums[1] + int(squares[at - 1])
+            self._unsure = sums[2] + int(unsure[at - 1])
+            if at in ends:
+                self._look()
+        self._scans += count
+
+    def _sums(self, before_ns: int, stamps_ns: Stamps) -> tuple[Stamps, Stamps, Stamps]:
+        """Sums up to each scan: what it is beside the grid, the squares, and scans far beside."""
+        beside_ns = np.diff(stamps_ns, prepend=before_ns) - self._period_ns
+        far = np.abs(beside_ns) > UNSURE * self._period_ns
+        return np.cumsum(beside_ns), np.cumsum(beside_ns * beside_ns), np.cumsum(far)
