@@ -102,6 +102,7 @@ class HealthReport:
                 ("malformed", stream.malformed),
                 ("refused", stream.refused),
                 ("lost", stream.lost),
+                *((("foreign", stream.foreign),) if stream.foreign else ()),
             )
         )
 

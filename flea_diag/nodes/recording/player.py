@@ -43,6 +43,9 @@ class PlayerParameters:
     rate: float = parameter(
         1.0, "speed: 1 is as recorded", minimum=0.01, maximum=1000.0, read_only=True
     )
+    beside: bool = parameter(
+        False, "play although another node publishes the same stand", read_only=True
+    )
     loop: bool = parameter(False, "begin again after the last record", read_only=True)
     wait_for: str = parameter(
         "",
@@ -109,7 +112,19 @@ class Player:
             self._greeted, self._begin_s = True, time.monotonic()
         return self._greeted
 
+    def _refuse_beside(self) -> None:
+        """End where a live stand publishes the same topics: two sources are none."""
+        own = "/" + self._bus.name
+        others = [name for name in self._bus.sources(Scan) if name != own]
+        if others and not self._parameters.beside:
+            raise ConfigurationError(
+                f"{self._bus.full_name(Scan)} is published by {', '.join(others)}: a bag beside a "
+                "live stand mixes two sources; end that node, play in another namespace "
+                "(-r __ns:=/replay), or set beside:=true"
+            )
+
     def _begin(self) -> None:
+        self._refuse_beside()
         self._records = self._reader.records(SOURCES, self._namespace())
         self._next = next(self._records, None)
         if self._next is None:
@@ -168,6 +183,8 @@ class Player:
 
     def _report(self) -> None:
         waiting = self._first_ns is None
+        if not waiting and not self._ended:
+            self._refuse_beside()
         words = "waiting" if waiting else "bag is over" if self._ended else "playing"
         values = (("state", self._bus.state), ("records", str(self._played)))
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, Level.OK, words, values))

@@ -90,6 +90,8 @@ class Adapter:
         bus.every(REPEAT_S, self._repeat)
 
     def _take(self, record: Record) -> None:
+        if isinstance(record, ChannelTable) and self._is_of_another(record):
+            return
         for due in self._stamps.due(record):
             if isinstance(due, SAID_ONCE):
                 self._said_once[type(due)] = due
@@ -104,6 +106,20 @@ class Adapter:
         if not self._stamps.goes_on(block.stamps_ns.tolist()):
             return False
         self._output.publish(tuple(_singly(self._stage.handle_block(block))))
+        return True
+
+    def _is_of_another(self, table: ChannelTable) -> bool:
+        """Whether an older table comes from a second source, such as a bag beside a live stand."""
+        known = self._said_once.get(ChannelTable)
+        if known is None or table.stamp_ns >= known.stamp_ns:
+            return False
+        sources = self._bus.sources(ChannelTable)
+        if len(sources) < 2:
+            return False
+        self._bus.warn(
+            f"sensors/channels: published by {', '.join(sources)}: a table older than the one in "
+            "use is not used"
+        )
         return True
 
     def _keep(self, verdict: AmbiguityGroup) -> None:

@@ -1,4 +1,8 @@
-"""Messages that no record could be made of, as rows of data quality: counted by topic and kind."""
+"""Messages that were not used, as rows of data quality.
+
+Those that no record could be made of are counted by topic and kind, those of a second source by
+topic.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,17 @@ ROW = "malformed"
 """Last part of the name of a row; the first is the topic."""
 
 
+SECOND = "second_source"
+"""The same of a stream that two nodes publish."""
+
+
 def with_malformed(quality: DataQuality, streams: Iterable[Subscription]) -> DataQuality:
-    """Data quality, and a row for each topic of which messages were malformed."""
-    rows = tuple(_row(stream) for stream in streams if stream.malformed)
+    """Data quality, and a row for each topic of which messages were not used, and why."""
+    known = tuple(streams)
+    rows = (
+        *(_row(stream) for stream in known if stream.malformed),
+        *(_second(stream) for stream in known if stream.foreign),
+    )
     return replace(quality, channels=(*quality.channels, *rows)) if rows else quality
 
 
@@ -25,3 +37,10 @@ def _row(stream: Subscription) -> ChannelQuality:
     reason = f"{stream.malformed} messages skipped: {words}"
     name = f"{stream.topic.name.lstrip('/')}/{ROW}"
     return ChannelQuality(name, Quality.GOOD, stream.malformed_ns, reason, counters)
+
+
+def _second(stream: Subscription) -> ChannelQuality:
+    """As good: of the source in use nothing is missing."""
+    name = f"{stream.topic.name.lstrip('/')}/{SECOND}"
+    counters = (("foreign", stream.foreign),)
+    return ChannelQuality(name, Quality.GOOD, 0, stream.words_on_sources, counters)

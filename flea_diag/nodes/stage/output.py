@@ -129,7 +129,8 @@ class StageOutput:
 
     @property
     def _malformed(self) -> int:
-        return sum(stream.malformed for stream in self._bus.streams.values())
+        """Messages that were not used."""
+        return sum(stream.malformed + stream.foreign for stream in self._bus.streams.values())
 
     def _publish_verdict(self, group: AmbiguityGroup) -> None:
         for record in self._verdict.messages(group, self._bus.stand):

@@ -18,7 +18,7 @@ from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.publishers import Publishers
-from flea_diag.wire.bus.reader import Reader
+from flea_diag.wire.bus.reader import Reader, sources_of
 from flea_diag.wire.bus.remote.node_states import NodeStates
 from flea_diag.wire.bus.remote.remote_parameter import RemoteParameter
 from flea_diag.wire.bus.remote.remote_service import RemoteService
@@ -324,6 +324,10 @@ class Bus(NodeLog, Generic[P]):
     def writers(self, record_type: type) -> int:
         """Number of publishers of the topic of a record type, in any process."""
         return int(self._node.count_publishers(self.topic_name(TOPIC_OF[record_type])))
+
+    def sources(self, record_type: type) -> tuple[str, ...]:
+        """Nodes that publish the topic of a record type, with their namespaces; one a publisher."""
+        return sources_of(self._node, self.full_name(record_type))
 
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0

@@ -218,6 +218,9 @@ class Managed:
     def _entered(self, state: str) -> None:
         self._bus.state = state
         self._report(also_active=True)
+        if state == states.ACTIVE:
+            for stream in tuple(self._bus.streams.values()):
+                stream.hand_over()
 
     def _report(self, also_active: bool = False) -> None:
         """State on /diagnostics; an active node has a report of its own, with more in it."""

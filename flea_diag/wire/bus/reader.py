@@ -12,6 +12,19 @@ from typing import Any
 from flea_diag.wire.bus import qos
 from flea_diag.wire.bus.subscription import Subscription
 
+NAMELESS = "_NODE_NAME_UNKNOWN_"
+"""Name that the graph gives to the node of an endpoint before it knows the node."""
+
+
+def sources_of(ros_node: Any, topic: str) -> tuple[str, ...]:
+    """Nodes that publish a topic, with their namespaces, one for each publisher.
+
+    Not those whose names the graph does not know yet.
+    """
+    found = ros_node.get_publishers_info_by_topic(topic)
+    names = (f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in found)
+    return tuple(sorted(name for name in names if NAMELESS not in name))
+
 
 class Reader:
     """A raw subscription, made again once a writer turns up that it is not compatible with.
@@ -50,11 +63,16 @@ class Reader:
         return self._ros_node.create_subscription(
             self._message,
             self._name,
-            self._stream.receiver(self._take, lambda: int(self._made.get_publisher_count())),
+            self._stream.receiver(
+                self._take, lambda: int(self._made.get_publisher_count()), self._sources
+            ),
             profile,
             qos_overriding_options=overriding,
             raw=True,
         )
+
+    def _sources(self) -> tuple[str, ...]:
+        return sources_of(self._ros_node, self._ros_node.resolve_topic_name(self._name))
 
     def look(self) -> None:
         """Ask for less, with a warning that names the pair, if a writer offers less."""

@@ -11,7 +11,14 @@ from typing import Protocol
 from flea_diag.errors import InputError, WireError
 from flea_diag.wire.bus.life_cycle import ACTIVE
 from flea_diag.wire.bus.lost_messages import LostMessages, numbered
+from flea_diag.wire.bus.one_source import OneSource
+from flea_diag.wire.records import Scan, VibrationBlock
 from flea_diag.wire.topics import Topic
+
+ASK_EVERY = 100
+"""Messages of a second source from one look at the graph to the next."""
+OF_ONE_SOURCE: tuple[type, ...] = (Scan, VibrationBlock)
+"""Streams of which two would read as one with a fault."""
 
 
 class ReceivingNode(Protocol):
@@ -36,7 +43,8 @@ class Subscription:
     """Counters of one subscription: messages received, and messages skipped by reason.
 
     ``kinds`` counts the malformed ones by the kind of their error, ``malformed_ns`` is the time of
-    the first.
+    the first. ``foreign`` counts messages of a second source, ``sources`` are the nodes that
+    publish.
     """
 
     topic: Topic
@@ -47,21 +55,33 @@ class Subscription:
     kinds: Counter[str] = field(default_factory=Counter)
     refused: int = 0
     lost: int = 0
+    foreign: int = 0
+    sources: tuple[str, ...] = ()
+    _kept: tuple[bytes, Callable[[bytes], None]] | None = field(default=None, repr=False)
 
     def receiver(
-        self, take: Callable[[bytes], None], writers: Callable[[], int]
+        self,
+        take: Callable[[bytes], None],
+        writers: Callable[[], int],
+        sources: Callable[[], tuple[str, ...]] = tuple,
     ) -> Callable[..., None]:
         """Callback of a raw subscription: passes messages to ``take`` while the node is active.
 
-        ``writers`` returns the present number of writers.
+        ``writers`` returns the present number of writers, ``sources`` the nodes that they are of.
         """
         node, missing = self.node, LostMessages(writers)
+        gate = OneSource(writers) if self.topic.record in OF_ONE_SOURCE else None
 
         def received(data: bytes, number: int | None) -> None:
             # A hundred times a second: every further call is paid for with cold caches.
             try:
+                if gate is not None and not gate.admits(number):
+                    self._leave(sources)
+                    return
                 lost = missing.before(number)
                 if node.state != ACTIVE:
+                    if self.topic.latched:
+                        self._kept = data, take
                     return
                 if lost:
                     self._lose(lost)
@@ -75,6 +95,23 @@ class Subscription:
                 node.on_failure(error)
 
         return numbered(received)
+
+    def hand_over(self) -> None:
+        """Pass on the last message of a latched topic that came while the node was not active.
+
+        Nobody sends it again: it says how things stand.
+        """
+        if self._kept is None:
+            return
+        (data, take), self._kept = self._kept, None
+        self.received += 1
+        try:
+            with self.counted():
+                take(data)
+        except Exception as error:
+            if self.node.on_failure is None:
+                raise
+            self.node.on_failure(error)
 
     @contextmanager
     def counted(self) -> Iterator[None]:
@@ -93,6 +130,24 @@ class Subscription:
         else:
             self.refused += 1
             self.node.warn(f"{self.topic.name}: record skipped: {error}")
+
+    def _leave(self, sources: Callable[[], tuple[str, ...]]) -> None:
+        """Count a message of a second source; whose they are is asked now and then."""
+        if self.foreign % ASK_EVERY == 0 or len(self.sources) < 2:
+            self.sources = sources()
+        self.foreign += 1
+        self.node.warn(
+            f"{self.topic.name}: {self.words_on_sources}; end one, or give it another namespace"
+        )
+
+    @property
+    def words_on_sources(self) -> str:
+        """That there is a second source, and who publishes."""
+        names = ", ".join(self.sources) or "unknown nodes"
+        return (
+            f"published by {names}: the first is used as long as it delivers, {self.foreign} "
+            "messages of another are not"
+        )
 
     def _lose(self, lost: int) -> None:
         self.lost += lost

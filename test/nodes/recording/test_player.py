@@ -86,3 +86,14 @@ def test_what_is_no_bag_is_refused_with_one_line(domain: int, tmp_path: Path) ->
             assert process.end() == 2, process.output
             assert words in process.output
             assert len(process.output.splitlines()) == 1, process.output
+
+
+def test_a_bag_beside_a_live_stand_is_refused_unless_asked_for(domain: int) -> None:
+    with Peer(domain, name="daq") as peer:
+        peer.bus.advertise(Scan)
+        with Process(player(f"bag:={BAG}"), domain) as process:
+            peer.until(lambda: process.child.poll() is not None, LIMIT_S)
+            assert process.end() == 2
+        assert "/sensors/slow is published by /daq: a bag beside a live stand" in process.output
+        with Process(player(f"bag:={BAG}", "beside:=true", "rate:=100.0"), domain) as process:
+            process.wait_for("records played", LIMIT_S)

@@ -12,6 +12,7 @@ from support.live import Peer, Process, toy
 from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.records import (
     AmbiguityGroup,
+    ChannelQuality,
     DataQuality,
     Health,
     Hypotheses,
@@ -318,3 +319,33 @@ def test_a_namespace_keeps_two_stands_apart(domain: int) -> None:
         assert one.find(lambda r: True).outcome == Outcome.ISOLATED
         assert two.find(lambda r: True).outcome == Outcome.NOMINAL
         assert {group.outcome for group in groups(one)} == {Outcome.ISOLATED}
+
+
+def test_a_second_source_is_named_and_not_used(stand: Stand, domain: int) -> None:
+    peer = stand.peer
+    peer.listen(DataQuality)
+    for _ in range(5):
+        stand.scan(1.0)
+    peer.until(lambda: seen(peer) == 5)
+    with Peer(domain, name="second") as second:
+        other = Stand(second)
+        other.stamp_ns = 1_200_000_000 * 10**9
+        assert second.bus.wait_for_subscribers(Scan)
+
+        def both() -> bool:
+            stand.scan(1.0)
+            other.scan(9.0)
+            reasons = [r.reason for r in rows(peer) if r.channel == "sensors/slow/second_source"]
+            return any(r.startswith("published by /peer, /second: the first") for r in reasons)
+
+        peer.until(both)
+    assert {group.outcome for group in groups(peer)} == {Outcome.NOMINAL}
+
+
+def rows(peer: Peer) -> list[ChannelQuality]:
+    return [row for r in peer.records if isinstance(r, DataQuality) for row in r.channels]
+
+
+def seen(peer: Peer) -> float:
+    values = [r.values[0] for r in peer.records if isinstance(r, Residual) and r.names == ("seen",)]
+    return max(values, default=0.0)

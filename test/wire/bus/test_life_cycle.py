@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from support.live import Peer, Process, node, toy
 
-from flea_diag.wire.records import AmbiguityGroup, Health, Residual, Scan
+from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.stand import load_stand
+from flea_diag.wire.bags.bag import BagReader
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelInfo,
+    ChannelTable,
+    Health,
+    Residual,
+    Scan,
+)
 
 LIMIT_S = 20.0
 PRIMARY = {1: "unconfigured", 2: "inactive", 3: "active", 4: "finalized"}
@@ -150,6 +161,56 @@ def test_cleanup_drops_the_stage_and_configure_builds_one_of_the_present_paramet
         fault = group.members[0].fault
         peer.records.clear()
     assert fault == "spall"
+
+
+def test_latched_inputs_survive_configure_cleanup_and_deactivation(domain: int) -> None:
+    """What was latched while the node was not active is what it begins with."""
+    known = load_calibration(load_stand().calibration).channels
+    command = node("flea_diag.nodes.diagnoser", "-p", "autostart:=false", "-p", "memory:=none")
+    with Process(command, domain), Peer(domain) as peer:
+        peer.bus.subscribe(AmbiguityGroup, peer.records.append)
+        stamp_ns, units = 10**18, dict.fromkeys(known, "") | {"motor_current": "mA"}
+
+        def say_units() -> None:
+            rows = (ChannelInfo(name, unit, -1e4, 1e4, 100.0) for name, unit in units.items())
+            peer.bus.publish(ChannelTable(stamp_ns, "stand", tuple(rows)))
+
+        def verdict_holds(words: str) -> bool:
+            nonlocal stamp_ns
+            stamp_ns += 10_000_000
+            peer.bus.publish(Scan(stamp_ns, tuple(known), (0.0,) * len(known)))
+            return any(isinstance(r, AmbiguityGroup) and words in r.words for r in peer.records)
+
+        say_units()
+        for _ in range(2):
+            assert peer.change_state("diagnoser", "configure")
+            assert peer.bus.wait_for_subscribers(Scan, ChannelTable)
+            assert peer.acknowledged(ChannelTable)
+            assert peer.change_state("diagnoser", "activate")
+            peer.until(lambda: verdict_holds("motor_current"), LIMIT_S)
+            assert peer.change_state("diagnoser", "deactivate")
+            assert peer.change_state("diagnoser", "cleanup")
+            peer.records.clear()
+
+
+def test_the_bag_of_a_recorder_that_is_activated_later_has_what_was_latched(
+    domain: int, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    given = (f"directory:={bag}", "autostart:=false", "clips:=false")
+    command = node(
+        "flea_diag.nodes.recording.recorder", *(part for each in given for part in ("-p", each))
+    )
+    with Process(command, domain) as process, Peer(domain) as peer:
+        peer.bus.publish(ChannelTable(1, "stand", ()))
+        assert peer.change_state("recorder", "configure")
+        assert peer.bus.wait_for_subscribers(ChannelTable)
+        assert peer.acknowledged(ChannelTable)
+        assert peer.change_state("recorder", "activate")
+        assert process.signal(signal.SIGTERM) == 0
+    assert [record for _, record in BagReader(bag).records((ChannelTable,))] == [
+        ChannelTable(1, "stand", ())
+    ]
 
 
 def test_what_is_not_possible_is_refused_in_words(managed: Managed) -> None:
