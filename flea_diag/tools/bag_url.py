@@ -7,32 +7,40 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import FleaError, RecordingError, line_of, shown
 from flea_diag.tools.extra import require
+from flea_diag.tools.terminal import fetched
+from flea_diag.tools.web_access import last_part, web_options, without_credentials
 
 MARK = "://"
 MOST_BYTES = 16 << 30
 MOST_FILES = 1000
 PIECE_BYTES = 1 << 20
 CAUSE_LENGTH = 200
+LONGEST = 2000
+"""Most characters of an address."""
+LONGEST_NAME = 200
+"""Most characters of the name of a copy."""
 
 
 @dataclass(frozen=True)
 class BagUrl:
-    """Address of a bag: of its folder, or of a single .mcap file."""
+    """Address of a bag: of its folder, or of a single .mcap file; printed without credentials."""
 
     url: str
 
     def __str__(self) -> str:
-        return self.url
+        return without_credentials(self.url)
+
+    __repr__ = __str__
 
     @property
     def name(self) -> str:
         """Last part of the address."""
-        return PurePosixPath(self.url.partition(MARK)[2]).name
+        return last_part(self.url)
 
     def absolute(self) -> BagUrl:
         """The same: an address holds everywhere."""
@@ -45,8 +53,14 @@ def bag_place(text: str) -> Any:
     """Path or ``BagUrl`` of a bag on the command line."""
     if MARK not in text:
         return Path(text)
-    require("url", f"a bag at {shown(text)}")
-    return BagUrl(text.rstrip("/"))
+    bag = BagUrl(text.rstrip("/"))
+    require("url", f"a bag at {shown(str(bag))}")
+    if len(text) > LONGEST or bag.name in ("", ".", ".."):
+        raise RecordingError(
+            f"{shown(str(bag))} is no address of a bag: it must end in the name of a folder or of "
+            f"an .mcap file, and have at most {LONGEST} characters"
+        )
+    return bag
 
 
 @contextmanager
@@ -62,12 +76,12 @@ def local(bag: Any) -> Iterator[Path]:
         yield bag
         return
     with tempfile.TemporaryDirectory(prefix="flea_bag_") as folder:
-        place = Path(folder) / (bag.name or "bag")
+        place = Path(folder) / bag.name[-LONGEST_NAME:]
         try:
             _fetch(bag.url, place)
             yield place
         except FleaError as error:  # what is said of the copy holds for the address
-            raise type(error)(str(error).replace(str(place), bag.url)) from None
+            raise type(error)(str(error).replace(str(place), str(bag))) from None
 
 
 def _fetch(url: str, place: Path) -> None:
@@ -84,9 +98,11 @@ def _fetch(url: str, place: Path) -> None:
     losses: list[str] = []
     known = described(place, losses)
     if known is None:
-        raise RecordingError(f"{url}: {'; '.join(losses)}")
+        raise RecordingError(f"{BagUrl(url)}: {'; '.join(losses)}")
     if len(known.files) > MOST_FILES:
-        raise RecordingError(f"{url}: {len(known.files)} files, at most {MOST_FILES} are fetched")
+        raise RecordingError(
+            f"{BagUrl(url)}: {len(known.files)} files, at most {MOST_FILES} are fetched"
+        )
     for name in (Path(file).name for file in known.files):
         left -= _copy(f"{url}/{name}", place / name, left)
 
@@ -95,18 +111,22 @@ def _copy(url: str, target: Path, limit_bytes: int) -> int:
     """Copy one file of at most so many bytes; its size."""
     import fsspec
 
-    size = 0
+    size, name = 0, str(BagUrl(url))
     try:
-        with fsspec.open(url, "rb") as source, target.open("wb") as copy:
+        opened = fsspec.open(url, "rb", **web_options(url))
+        with opened as source, target.open("wb") as copy:
             while piece := source.read(PIECE_BYTES):
                 size += len(piece)
                 if size > limit_bytes:
-                    raise RecordingError(f"{url}: more than {limit_bytes} bytes: fetch it yourself")
+                    raise RecordingError(
+                        f"{name}: more than {limit_bytes} bytes: fetch it yourself"
+                    )
                 copy.write(piece)
-    except FleaError:
-        raise
+                fetched(name, size)
+    except RecordingError as error:
+        raise RecordingError(str(error).replace(url, name)) from None
     except Exception as error:  # each protocol has errors of its own
         first = error.__cause__ or error
-        cause = line_of(f"{type(first).__name__}: {first}")[:CAUSE_LENGTH]
-        raise RecordingError(f"{url}: cannot be fetched ({cause})") from None
+        cause = line_of(f"{type(first).__name__}: {first}".replace(url, name))[:CAUSE_LENGTH]
+        raise RecordingError(f"{name}: cannot be fetched ({cause})") from None
     return size

@@ -41,6 +41,13 @@ def progress(number: int, count: int, name: str, began_s: float | None = None) -
         print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
 
 
+def fetched(name: str, size_bytes: int) -> None:
+    """Show how much of a file has been fetched, on a terminal only."""
+    if sys.stderr.isatty():
+        line = f"{line_of(name)}: {size_bytes / 1e6:.0f} MB"
+        print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+
 def _left(spent_s: float, done: int, count: int) -> str:
     """Time left in words, once one is done."""
     if not done:

@@ -1,14 +1,23 @@
-"""Atomic replacement of files: a reader sees either the old or the new content."""
+"""Atomic replacement of files and folders: a reader sees either the old or the new content."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 
 
 def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
     """Replace a file atomically; ``durable`` also flushes it to disk, against a power failure.
+
+    The new content is written under a name of its own, so that several writers do not mix theirs;
+    the file keeps its mode, and a link is replaced, not followed.
 
     Raises
     ------
@@ -19,9 +28,12 @@ def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return
-    fresh = path.with_name(f".{path.name}.new")
+    fresh = _beside(path)
     try:
-        with fresh.open("wb") as file:
+        with os.fdopen(os.open(fresh, NEW_FILE, 0o666), "wb") as file:
+            mode = _mode(path)
+            if mode is not None:
+                os.fchmod(file.fileno(), mode)
             file.write(content)
             if durable:
                 file.flush()
@@ -31,3 +43,46 @@ def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
         with suppress(OSError):
             fresh.unlink()
         raise
+
+
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """A new folder of the same name elsewhere, which replaces the one at ``path`` in the end.
+
+    Whatever is raised meanwhile, or a kill, leaves the old one as it is.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be made or replaced.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = _beside(path)
+    aside.mkdir()
+    try:
+        fresh, old = aside / path.name, aside / "old"
+        yield fresh
+        if path.exists():
+            path.rename(old)
+        try:
+            fresh.rename(path)
+        except OSError:
+            if old.exists():
+                old.rename(path)
+            raise
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _beside(path: Path) -> Path:
+    """A name beside a file that nobody else has."""
+    return path.with_name(f".{path.name[:200]}.{secrets.token_hex(4)}.new")
+
+
+def _mode(path: Path) -> int | None:
+    """Mode of the file that is replaced; None where there is none, or a link."""
+    try:
+        found = path.lstat().st_mode
+    except FileNotFoundError:
+        return None
+    return stat.S_IMODE(found) if stat.S_ISREG(found) else None

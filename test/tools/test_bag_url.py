@@ -20,7 +20,7 @@ import fsspec
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.errors import RecordingError
-from flea_diag.tools import bag_url
+from flea_diag.tools import bag_url, web_access
 from flea_diag.tools.bag_url import BagUrl, bag_place, local
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
 from flea_diag.tools.main import main
@@ -126,6 +126,75 @@ def test_a_file_that_the_description_puts_elsewhere_is_taken_from_the_bag(
     refused = pytest.raises(RecordingError, match="memory://bags/sly/passwd: cannot be fetched")
     with refused, local(BagUrl("memory://bags/sly")):
         pass
+
+
+class Sly(Silent):
+    """Stalls, or sends on to another address."""
+
+    def do_HEAD(self) -> None:
+        """Answer by the last part of the path."""
+        if self.path.startswith("/stalls"):
+            self.server.stalled.wait(30.0)  # type: ignore[attr-defined]
+            return
+        target = "http://169.254.169.254/latest/" if "metadata" in self.path else self.path
+        self.send_response(302)
+        self.send_header("Location", target)
+        self.end_headers()
+
+    def do_GET(self) -> None:
+        """The same."""
+        self.do_HEAD()
+
+
+@pytest.fixture
+def sly() -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Sly)
+    server.stalled = threading.Event()  # type: ignore[attr-defined]
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"127.0.0.1:{server.server_port}"
+    server.stalled.set()  # type: ignore[attr-defined]
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("stalls.mcap", "cannot be fetched (SocketTimeoutError"),
+        ("bag", "redirected to '169.254.169.254', which is no public address"),
+        ("loop.mcap", "cannot be fetched (TooManyRedirects"),
+    ],
+)
+def test_no_server_holds_us_up_or_sends_us_elsewhere(
+    sly: str, path: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(web_access, "SILENT_S", 0.5)
+    with pytest.raises(RecordingError) as refused, local(BagUrl(f"http://me:secret@{sly}/{path}")):
+        pass
+    assert words in str(refused.value)
+    assert f"http://***@{sly}/{path}" in str(refused.value)
+    assert "secret" not in str(refused.value)
+
+
+def test_credentials_are_not_printed() -> None:
+    bag = BagUrl("https://me:secret@host/run?token=secret#part")
+    assert f"{bag} {bag!r}" == " ".join(["https://***@host/run?***"] * 2)
+    assert bag.name == "run"
+
+
+@pytest.mark.parametrize("text", ["http://host/a/..", "http://host/.", "http://h/" + "a" * 2000])
+def test_what_is_no_address_of_a_bag_is_one_line(text: str) -> None:
+    with pytest.raises(RecordingError, match="is no address of a bag"):
+        bag_place(text)
+
+
+def test_a_long_name_is_fetched(in_memory: str) -> None:
+    long = f"memory://bags/{'a' * 300}.mcap"
+    with fsspec.open(long, "wb") as file:
+        file.write(b"bag")
+    with local(BagUrl(long)) as place:
+        assert place.read_bytes() == b"bag"
 
 
 def test_a_path_stays_a_path() -> None:

@@ -103,6 +103,8 @@ class Recorder:
             parameters.clip_before_s,
             parameters.clip_after_s,
         )
+        self._said = 0
+        """How many losses of the bag have been said."""
         bus.advertise(Health)
         for topic in topics:
             self._record(topic)
@@ -150,6 +152,9 @@ class Recorder:
             self._writer.make_whole()
         except RecordingError as error:
             self._bus.end(error)
+        for words in self._writer.losses[self._said :]:
+            self._bus.caution(f"{words}; recording goes on in {self._writer.path.name}")
+        self._said = len(self._writer.losses)
         if next(self._is_second):
             self._watch_disk()
 

@@ -8,11 +8,12 @@ stamps belong to the same run.
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import FleaError
+from flea_diag.errors import FleaError, WireError, shown
 from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.wire.bus import Bus
@@ -23,6 +24,24 @@ from flea_diag.wire.whole_file import replace_file
 
 LARGEST_BYTES = 1 << 20
 NONE = "none"
+
+
+def checked(verdict: AmbiguityGroup) -> AmbiguityGroup:
+    """The verdict, if what it has learned of the unit can have been learned.
+
+    Raises
+    ------
+    WireError
+        A zero is no number.
+    """
+    for offset in verdict.offsets:
+        known = math.isfinite(offset.value) and math.isfinite(offset.sigma) and offset.sigma >= 0.0
+        if not known:
+            raise WireError(
+                f"{shown(offset.parameter)} = {offset.value!r} with sigma {offset.sigma!r} is no "
+                "zero that a unit can have"
+            )
+    return verdict
 
 
 class VerdictMemory:
@@ -48,7 +67,7 @@ class VerdictMemory:
         if not self._used:
             return None
         try:
-            return decode(AmbiguityGroup, read_bytes(self._path, LARGEST_BYTES))
+            return checked(decode(AmbiguityGroup, read_bytes(self._path, LARGEST_BYTES)))
         except FileNotFoundError:
             return None
         except (OSError, FleaError) as error:

@@ -12,6 +12,7 @@ import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.stages.observer.block_replay import BlockReplay
@@ -55,6 +56,11 @@ class ObserverStage:
         self._records = ResidualRecords(
             effects.residuals, calibration, self._chain.stream.regressor_names
         )
+        names = zip(UNIT_PARAMETERS, calibration.tolerances(), strict=False)
+        self._tolerances = {
+            name: tolerance + abs(getattr(calibration.parameters, name))
+            for name, tolerance in names
+        }
         self._table: ChannelTable | None = None
         self._verdict: AmbiguityGroup | None = None
 
@@ -77,7 +83,7 @@ class ObserverStage:
     def _take_over(self) -> tuple[bool, tuple[Record, ...]]:
         """Whether the verdict ends the warm-up, and the Detection of an episode that is open."""
         chain = self._chain
-        past = takeover(self._verdict, self._table, chain.order.first_ns)
+        past = takeover(self._verdict, self._table, chain.order.first_ns, self._tolerances)
         if past is None or not chain.stream.learns:
             return False, ()
         chain.stream.recall(past.offsets, within=past.episode > 0)

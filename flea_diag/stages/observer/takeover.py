@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, UnitOffset
+
+MOST_TOLERANCES = 100.0
+"""Tolerances of a healthy unit by which no zero of any unit is off: such a record is damaged."""
 
 
 class Takeover(NamedTuple):
@@ -16,15 +21,29 @@ class Takeover(NamedTuple):
 
 
 def takeover(
-    verdict: AmbiguityGroup | None, table: ChannelTable | None, first_ns: int | None
+    verdict: AmbiguityGroup | None,
+    table: ChannelTable | None,
+    first_ns: int | None,
+    tolerances: Mapping[str, float],
 ) -> Takeover | None:
     """What the verdict holds of this run from before its first scan here; None for nothing.
 
-    The channel table marks the start of the run: what is older belongs to another one.
+    The channel table marks the start of the run: what is older belongs to another one. Zeros that
+    no unit has are not taken: ``tolerances`` are those of healthy units.
     """
     if verdict is None or table is None or first_ns is None:
         return None
     past = range(table.stamp_ns, first_ns)
-    offsets = tuple(offset for offset in verdict.offsets if offset.learned_ns in past)
+    offsets = tuple(
+        offset
+        for offset in verdict.offsets
+        if offset.learned_ns in past and is_possible(offset, tolerances)
+    )
     episode = verdict.episode if verdict.detected_stamp_ns in past else 0
     return Takeover(offsets, episode, verdict.detected_stamp_ns) if offsets or episode else None
+
+
+def is_possible(offset: UnitOffset, tolerances: Mapping[str, float]) -> bool:
+    """Whether any unit may have this zero."""
+    most = MOST_TOLERANCES * tolerances.get(offset.parameter, 0.0)
+    return math.isfinite(offset.sigma) and offset.sigma >= 0.0 and abs(offset.value) <= most

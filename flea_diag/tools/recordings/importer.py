@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import heapq
 import json
-import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -17,8 +16,9 @@ from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.tools.argument import add_jobs
 from flea_diag.tools.refused import Refused
 from flea_diag.tools.stand_option import add_stand
-from flea_diag.tools.terminal import IN_PART, progress, say, warn
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, writing
 from flea_diag.tools.workers import in_order
+from flea_diag.wire.whole_file import replacing_folder
 
 if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
@@ -161,7 +161,7 @@ def _imports(
     # All of them, so that nothing is written of a file that is refused.
     for recording in list(mapped_recordings(file, mapping)):
         directory = output / recording.name
-        _make_room(directory, force)
+        _check_room(directory, force)
         write_recording(recording, directory, mapping.stand)
         yield _mapped(file, recording, directory)
 
@@ -179,12 +179,13 @@ def import_run(file: Path, output: Path, force: bool = False, serial: str = "") 
 
     flea_run = FleaRun.of(read_flea_data(file), serial)
     directory = output / file.name.removesuffix(".data")
-    _make_room(directory, force)
+    _check_room(directory, force)
     write_recording(flea_run, directory, "flea")
     return _imported(flea_run, directory)
 
 
-def _make_room(directory: Path, force: bool) -> None:
+def _check_room(directory: Path, force: bool) -> None:
+    """Refuse to replace what is not wanted to be, or is no bag."""
     if not directory.exists():
         return
     content = sorted(entry.name for entry in directory.iterdir()) if directory.is_dir() else ["?"]
@@ -195,11 +196,18 @@ def _make_room(directory: Path, force: bool) -> None:
         raise RecordingError(
             f"{directory} contains {stray[0]!r}: not a bag, not replaced, choose another -o"
         )
-    shutil.rmtree(directory)
 
 
 def write_recording(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
-    """Write all records; log times never decrease, so that the order of the file is kept."""
+    """Write all records, in place of an earlier bag once it is complete.
+
+    Log times never decrease, so that the order of the file is kept.
+    """
+    with writing(directory), replacing_folder(directory) as fresh:
+        _write(recording, fresh, stand)
+
+
+def _write(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
     from flea_diag.wire.bags.bag import BagWriter
 
     with BagWriter(directory, stand=stand, whole_every_s=None) as bag:

@@ -53,7 +53,8 @@ class BagReader:
         self.path = Path(directory)
         self.losses: list[str] = []
         self._unreadable: dict[str, int] = {}
-        self._sources = sources_of(self.path, self.losses)
+        self._stated: dict[str, int] = {}
+        self._sources = sources_of(self.path, self.losses, self._stated)
         self.topics: dict[str, str] = {}
         for source in self._sources:
             channels = source.channels.values()
@@ -123,10 +124,18 @@ class BagReader:
         ordered = self._sources[0].messages()
         if len(self._sources) > 1:
             ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+        read = dict.fromkeys(wanted, 0)
         for message in ordered:
             topic = wanted.get(message.channel.topic)
             if topic is not None and message.channel.message == topic.message:
+                read[message.channel.topic] += 1
                 yield topic.record, message
+        self.losses += [
+            f"{name}: {self._stated[name] - count} of the {self._stated[name]} messages that "
+            f"{METADATA_FILE} counts are not in the bag"
+            for name, count in read.items()
+            if count < self._stated.get(name, 0)
+        ]
 
     def _decoded(self, kind: type, message: McapMessage) -> Iterator[tuple[int, Record]]:
         """Log time and record of one message; nothing if it is unreadable."""
@@ -230,8 +239,11 @@ def read_bag(
         losses += reader.losses
 
 
-def sources_of(path: Path, losses: list[str]) -> list[Any]:
-    """Files of a bag, each with its channels and messages; losses are appended."""
+def sources_of(path: Path, losses: list[str], stated: dict[str, int] | None = None) -> list[Any]:
+    """Files of a bag, each with its channels and messages; losses are appended.
+
+    ``stated`` takes the messages by topic that its description counts.
+    """
     if path.exists() and not path.is_dir():
         if path.name.endswith(SQLITE_ENDINGS):
             return [SqliteSource(path.parent, _of_sqlite([path.name]))]
@@ -240,6 +252,8 @@ def sources_of(path: Path, losses: list[str]) -> list[Any]:
         raise RecordingError(f"{path} does not exist")
     refuse_closed(path)
     known = described(path, losses) or BagDescription()
+    if stated is not None:
+        stated.update(known.counts)
     if known.storage == "sqlite3":
         return [SqliteSource(path, known)]
     files = [path / Path(name).name for name in known.files if name.endswith(".mcap")]

@@ -56,6 +56,11 @@ class BagSegment:
         """Whether the file is closed."""
         return self._file.closed
 
+    @property
+    def gone(self) -> str:
+        """What somebody has done to the file meanwhile; empty: nothing."""
+        return self._file.gone(self.path)
+
     def add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int) -> None:
         """Write one message of a flea_diag topic."""
         if name not in self._channels:

@@ -79,13 +79,16 @@ class BagWriter:
         self._topics: dict[str, layout.TopicEntry] = {}
         self._full: list[tuple[str, layout.Span]] = []
         self._attachments: dict[str, str] = {}
+        self._number = 0
+        self.losses: list[str] = []
+        """Files that were removed or truncated while they were written, in words."""
         self._open()
         self._whole_at = time.monotonic()
 
     @property
     def path(self) -> Path:
         """The MCAP file being written."""
-        return self.directory / f"{self.directory.resolve().name}_{len(self._full)}.mcap"
+        return self.directory / f"{self.directory.resolve().name}_{self._number}.mcap"
 
     @property
     def counts(self) -> dict[str, int]:
@@ -149,9 +152,25 @@ class BagWriter:
         full.finish(self._metadata_text())
         full.close()
         self._full.append((full.path.name, full.span))
+        self._begin_another()
+
+    def _begin_another(self) -> None:
+        self._number += 1
         self._segment = BagSegment(self.path)
         for name, text in self._attachments.items():
             self._segment.attach(name, text.encode())
+
+    def _replace_lost(self) -> None:
+        """Go on in another file, and say so, where somebody has taken this one away."""
+        what, lost = self._segment.gone, sum(self._segment.span.counts.values())
+        if not what:
+            return
+        self.losses.append(
+            f"{self._segment.path} was {what} while it was recorded: {lost} messages are lost"
+        )
+        self._segment.close()
+        self.directory.mkdir(parents=True, exist_ok=True)
+        self._begin_another()
 
     def attach(self, name: str, text: str) -> None:
         """Attach a text, such as a calibration, to each file of the bag (MCAP attachment)."""
@@ -169,6 +188,7 @@ class BagWriter:
         if not self._topics:
             return  # ros2 bag play hangs on a metadata.yaml without topics
         try:
+            self._replace_lost()
             self._segment.make_whole()
             layout.replace_metadata(self.directory, self._metadata())
         except OSError as error:
@@ -187,6 +207,7 @@ class BagWriter:
             return
         try:
             if self._topics:
+                self._replace_lost()
                 self._segment.finish(self._metadata_text())
                 layout.replace_metadata(self.directory, self._metadata())
             else:

@@ -80,6 +80,17 @@ class McapFile:
             self._add()
         os.fdatasync(self._descriptor)
 
+    def gone(self, path: Path) -> str:
+        """What has happened to the file at its place: removed, replaced, truncated, or nothing."""
+        own = os.fstat(self._descriptor)
+        try:
+            found = path.lstat()
+        except FileNotFoundError:
+            return "removed"
+        if (found.st_dev, found.st_ino) != (own.st_dev, own.st_ino):
+            return "replaced"
+        return "truncated" if own.st_size < self._end else ""
+
     def finish(self) -> None:
         """Remove reserved space and provisional footer: the Writer has written the final end."""
         self.end_for_now()

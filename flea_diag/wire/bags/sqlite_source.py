@@ -7,6 +7,7 @@ before it is unpacked.
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import sys
 from collections.abc import Iterator
@@ -27,6 +28,8 @@ TABLES = ("topics", "messages")
 MOST_TOPICS = 10_000
 LONGEST_NAME = 1000
 PART_BYTES = 1 << 20
+UNFINISHED = ("-wal", "-journal")
+"""Endings of SQLite's write-ahead log and of its rollback journal."""
 STEPS = 100_000
 """Instructions of SQLite's machine, some milliseconds, after which its time is looked at."""
 
@@ -99,6 +102,9 @@ class SqliteSource:
                 with opened(plain):  # a regular file, not waited for
                     pass
                 place = f"{plain.resolve().as_uri()}?mode=ro&immutable=1"
+                if self._packed != "file" and any(_unfinished(plain)):
+                    # SQLite finishes what its writer did not, in a copy: nothing is written here.
+                    place = f"{_copied(plain, Path(folder)).as_uri()}?mode=rw"
                 with closing(sqlite3.connect(place, uri=True)) as database:
                     if sys.version_info >= (3, 11):
                         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT_BYTES)
@@ -107,6 +113,36 @@ class SqliteSource:
         except (RecordingError, DamageError, sqlite3.Error, OSError) as error:
             reason = getattr(error, "strerror", None) or error
             raise RecordingError(f"cannot read bag {file}: {reason}") from error
+
+
+def _unfinished(file: Path) -> Iterator[Path]:
+    """What a writer that was killed has left beside a database: its log, or its journal."""
+    for ending in UNFINISHED:
+        beside = file.with_name(file.name + ending)
+        if beside.is_file() and beside.stat().st_size:
+            yield beside
+
+
+def _copied(file: Path, folder: Path) -> Path:
+    """Copy a database with what is beside it; only where the disk has room for it.
+
+    Raises
+    ------
+    RecordingError
+        It does not.
+    """
+    parts = (file, *_unfinished(file))
+    size, free = sum(part.stat().st_size for part in parts), shutil.disk_usage(folder).free
+    if 2 * size > free:
+        raise RecordingError(
+            f"its recorder was killed, messages are in {parts[1].name}, and its copy of "
+            f"{size / MEGABYTE:.0f} MB needs twice that in {folder.parent} (TMPDIR), where "
+            f"{free / MEGABYTE:.0f} MB are left: finish it with sqlite3 {file.name} .tables"
+        )
+    for part in parts:
+        with opened(part) as source, (folder / part.name).open("wb") as copy:
+            shutil.copyfileobj(source, copy)
+    return (folder / file.name).resolve()
 
 
 def _unpack(packed: Path, plain: Path) -> None:

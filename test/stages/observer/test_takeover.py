@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 from support import stands
 
 from flea_diag.stages.observer.takeover import Takeover, takeover
 from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Outcome, UnitOffset
 
+TOLERANCES = {"current_offset_a": 0.05}
 FIRST_NS = stands.START_NS + 5_000_000_000
 
 
@@ -40,11 +44,30 @@ BEFORE, WITHIN, LATER = stands.START_NS - 1, stands.START_NS, FIRST_NS
 def test_only_what_lies_between_channel_table_and_first_scan_is_taken_over(
     learned_ns, episode, detected_ns, expected
 ):
-    assert takeover(verdict(learned_ns, episode, detected_ns), stands.table(), FIRST_NS) == expected
+    assert (
+        takeover(verdict(learned_ns, episode, detected_ns), stands.table(), FIRST_NS, TOLERANCES)
+        == expected
+    )
 
 
 def test_without_a_verdict_a_table_or_a_scan_nothing_is_taken_over():
     group = verdict(WITHIN, 3, WITHIN)
-    assert takeover(None, stands.table(), FIRST_NS) is None
-    assert takeover(group, None, FIRST_NS) is None
-    assert takeover(group, stands.table(), None) is None
+    assert takeover(None, stands.table(), FIRST_NS, TOLERANCES) is None
+    assert takeover(group, None, FIRST_NS, TOLERANCES) is None
+    assert takeover(group, stands.table(), None, TOLERANCES) is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"value": math.nan},
+        {"value": math.inf},
+        {"value": 5.1},
+        {"sigma": math.nan},
+        {"sigma": -0.1},
+        {"parameter": "no_such_parameter"},
+    ],
+)
+def test_a_zero_that_no_unit_has_is_not_taken(change):
+    damaged = replace(verdict(WITHIN, 0, NEVER_NS), offsets=(replace(offset(WITHIN), **change),))
+    assert takeover(damaged, stands.table(), FIRST_NS, TOLERANCES) is None
