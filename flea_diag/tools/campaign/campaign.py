@@ -7,7 +7,7 @@ environment variable FLEA_DATA_DIR names.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ HALVES = "halves"
 """Cross-calibration: each half of the nominal recordings calibrates for the other half."""
 
 LARGEST_LIST = 10_000
+LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -204,6 +205,21 @@ def _shipped(name: Path) -> Path:
     return config_path(f"campaigns/{name.name}")
 
 
+def _check_names(names: Iterable[str], where: str) -> None:
+    """Refuse names that lead elsewhere: results lie in folders named after them."""
+    for name in names:
+        if (
+            "/" in name
+            or "\0" in name
+            or name.strip() in ("", ".", "..")
+            or len(name) > LONGEST_NAME
+        ):
+            raise ConfigurationError(
+                f"{where}: name = {shown(name)} names no folder: no '/', not '.' or '..', 1 to "
+                f"{LONGEST_NAME} characters"
+            )
+
+
 def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
     """Campaign from the content of a YAML file; see ``load_campaign``."""
     known = _listed(migrated("campaign", content, where))
@@ -216,6 +232,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
         raise ConfigurationError(f"{where}: two sources are named {shown(double[0])}, rename one")
     given = {"sources": made, "folder": folder}
     campaign = read_as(Campaign, known, where, magnitudes=FINITE, given=given)
+    _check_names((campaign.name, *names), where)
     _count(campaign.configurations, f"{where}: configurations")
     return campaign
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import shutil
 import sys
@@ -122,7 +123,8 @@ def run(arguments: argparse.Namespace) -> int:
     with held(folder):
         if arguments.force:
             _begin_anew(folder)
-        with ResultLog(folder, plan_sha256(campaign, cases, arena.plan())) as log:
+        besides = arena.plan() + _given_calibration(campaign, arguments)
+        with ResultLog(folder, plan_sha256(campaign, cases, besides)) as log:
             done = log.done.values()
             finished = {key for key, result in log.done.items() if not result.failure}
             left = len(cases) - len(finished)
@@ -147,6 +149,14 @@ def _arena(campaign: Campaign, arguments: argparse.Namespace) -> Arena:
 
     found = entrants(arguments.diagnoser, (*BASELINES, *campaign.configurations))
     return Arena(found, arguments.limit_s, arguments.memory_mb)
+
+
+def _given_calibration(campaign: Campaign, arguments: argparse.Namespace) -> str:
+    """Digest of a calibration given beside the plan: results of two are not mixed."""
+    if not arguments.calibration:
+        return ""
+    content = Path(campaign.calibration).read_bytes()
+    return f" calibration {hashlib.sha256(content).hexdigest()}"
 
 
 def _on_stand(campaign: Campaign, arguments: argparse.Namespace) -> Campaign:

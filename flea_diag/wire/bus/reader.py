@@ -82,8 +82,8 @@ class Reader:
         asked = self._made.qos_profile
         for info in self._ros_node.get_publishers_info_by_topic(name):
             less = qos.weaker(asked, info.qos_profile)
-            if less is None:
-                continue
+            if less is None or NAMELESS in info.node_name:
+                continue  # the pair is named with the next look
             former, self._made = self._made, self._subscribed(less, None)
             self._ros_node.destroy_subscription(former)
             writer = f"{info.node_namespace.rstrip('/')}/{info.node_name}"

@@ -79,6 +79,9 @@ def test_a_folder_is_a_campaign(tmp_path: Path) -> None:
         ({"sources": [{"kind": "recordings", "files": [3]}]}, "files[0] = 3 must be text"),
         ({"expect": {"jam": 3}}, "expect: jam = 3 must be a list"),
         ({"limit_percent": 120.0}, "limit_percent = 120.0 is above"),
+        ({"name": "../../etc"}, "name = '../../etc' names no folder"),
+        ({"sources": [{**DRAWN, "name": ".."}]}, "name = '..' names no folder"),
+        ({"name": "a" * 101}, "1 to 100 characters"),
     ],
 )
 def test_what_is_wrong_is_named(changes: dict[str, Any], words: str) -> None:

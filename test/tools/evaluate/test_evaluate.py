@@ -18,6 +18,7 @@ import yaml
 from support.decisions import BAGS, ROOT, expected
 from support.evaluations import SHORT, case, until
 
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools import extra
 from flea_diag.tools.campaign.result_log import RESULTS, ResultLog, held, read_results
 from flea_diag.tools.campaign.run_result import RunResult
@@ -125,6 +126,15 @@ def test_another_campaign_does_not_mix_in(
     assert "holds the results of another campaign" in capsys.readouterr().err
     assert main(["evaluate", str(other), "-o", str(tmp_path), "-q", "--force"]) == 2
     assert "holds no evaluation" in capsys.readouterr().err
+
+
+def test_another_calibration_does_not_mix_in(
+    evaluated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same = written(tmp_path)
+    other = ("--calibration", str(load_stand().calibration))
+    assert main(["evaluate", str(same), "-o", str(evaluated), "-q", *other]) == 2
+    assert "holds the results of another campaign" in capsys.readouterr().err
 
 
 def test_a_run_that_failed_is_tried_again_and_its_last_line_counts(
