@@ -31,7 +31,7 @@ ROS = (
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 TABLES = ("pyarrow", "openpyxl", "h5py", "pyulog")
 PAGES = ("jinja2", "markupsafe")
-BATCH = ("tqdm", "distributed", "fsspec", "argcomplete")
+BATCH = ("tqdm", "distributed", "fsspec", "aiohttp", "argcomplete")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.

@@ -26,6 +26,7 @@ LEAST, SIGMAS = 0.004, 5.0
 ALWAYS = 0.95
 """Share of the scans after which the same number is missing: the rate is lower, nothing is lost."""
 MOST_MISSING = 9
+"""Most missing scans that are told apart: a stream is not interrupted by fewer."""
 UNSURE, SCATTERED = 0.35, 0.1
 """Parts of a period: beside the grid by more, a scan counts as unsure where stamps scatter so."""
 
