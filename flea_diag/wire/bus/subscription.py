@@ -10,8 +10,8 @@ from typing import Protocol
 
 from flea_diag.errors import InputError, WireError
 from flea_diag.wire.bus.life_cycle import ACTIVE
-from flea_diag.wire.bus.lost_messages import LostMessages, numbered
-from flea_diag.wire.bus.one_source import OneSource
+from flea_diag.wire.bus.numbered.lost_messages import LostMessages, numbered
+from flea_diag.wire.bus.numbered.one_source import OneSource
 from flea_diag.wire.records import Scan, VibrationBlock
 from flea_diag.wire.topics import Topic
 

@@ -7,7 +7,7 @@ import rclpy.executors
 import rclpy.experimental
 from support.live import Peer
 
-from flea_diag.wire.bus.lost_messages import SETTLED, LostMessages
+from flea_diag.wire.bus.numbered.lost_messages import SETTLED, LostMessages
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Residual
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flea_diag.wire.bus.one_source import MOST_LOST, SILENT_S, OneSource
+from flea_diag.wire.bus.numbered.one_source import MOST_LOST, SILENT_S, OneSource
 
 
 class Graph:

@@ -1,0 +1,1 @@
+"""What the numbers that writers give their messages tell: losses, and a second writer."""
