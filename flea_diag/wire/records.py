@@ -187,7 +187,7 @@ class UnitOffset:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedTest:
     """In which share of the scans of the last 10 s and of the run one test judged, and why not.
 
     ``judged`` is false where it had next to nothing of what it should have judged.
@@ -208,7 +208,7 @@ class DataQuality:
     stamp_ns: int
     channels: tuple[ChannelQuality, ...]
     offsets: tuple[UnitOffset, ...] = ()
-    judged: tuple[Judged, ...] = ()
+    judged: tuple[JudgedTest, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

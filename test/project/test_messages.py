@@ -18,7 +18,7 @@ from flea_diag.wire.topics import TOPICS, Topic
 PAGE = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
 PARTS = {
     "sensors/channels": (r.ChannelInfo,),
-    "data_quality": (r.ChannelQuality, r.UnitOffset, r.Judged),
+    "data_quality": (r.ChannelQuality, r.UnitOffset, r.JudgedTest),
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
 }
@@ -41,7 +41,7 @@ TYPES = {
     tuple[r.Evidence, ...]: "objects",
     tuple[r.NextTest, ...]: "objects",
     tuple[r.UnitOffset, ...]: "objects",
-    tuple[r.Judged, ...]: "objects",
+    tuple[r.JudgedTest, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",
     tuple[r.ChannelQuality, ...]: "one status each",
     tuple[r.Symbol, ...]: "one status each",

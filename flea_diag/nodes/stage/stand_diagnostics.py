@@ -18,7 +18,7 @@ from flea_diag.wire.records import (
     ChannelTable,
     DataQuality,
     Health,
-    Judged,
+    JudgedTest,
     Level,
     Outcome,
     Quality,
@@ -96,6 +96,6 @@ def _of_channel(row: ChannelQuality, quality: DataQuality) -> str:
     return said if age is None else f"{said}, last reading {age:.1f} s ago"
 
 
-def _share(row: Judged) -> str:
+def _share(row: JudgedTest) -> str:
     why = f": {row.why}" if row.why else ""
     return f"{row.recent:.1%} of the last 10 s, {row.run:.1%} of the run{why}"

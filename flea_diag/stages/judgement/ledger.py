@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from flea_diag.core.residuals.residual_rows import SPEED, ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
-from flea_diag.wire.records import Cause, Judged
+from flea_diag.wire.records import Cause, JudgedTest
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -193,7 +193,7 @@ class JudgementLedger:
     def _sum(self) -> _Second:
         return _Second(*(sum(parts[1:], parts[0]) for parts in zip(*self._recent, strict=True)))
 
-    def report(self) -> tuple[Judged, ...]:
+    def report(self) -> tuple[JudgedTest, ...]:
         """Each test with its shares; empty before a second is over."""
         if not self._recent:
             return ()
@@ -203,7 +203,7 @@ class JudgementLedger:
         for k, row in enumerate(self._rows):
             cause, why = self._why(k, recent)
             found.append(
-                Judged(
+                JudgedTest(
                     row.name,
                     int(recent.judged[k]) / scans,
                     int(run.judged[k]) / all_scans,

@@ -70,7 +70,7 @@ _OBJECTS: dict[Any, Any] = {
     tuple[r.Evidence, ...]: r.Evidence,
     tuple[r.NextTest, ...]: r.NextTest,
     tuple[r.UnitOffset, ...]: r.UnitOffset,
-    tuple[r.Judged, ...]: r.Judged,
+    tuple[r.JudgedTest, ...]: r.JudgedTest,
 }
 """Fields that become numbered objects -> class of an object."""
 

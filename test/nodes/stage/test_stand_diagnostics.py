@@ -13,7 +13,7 @@ from flea_diag.wire.records import (
     ChannelQuality,
     ChannelTable,
     DataQuality,
-    Judged,
+    JudgedTest,
     Level,
     Outcome,
     Quality,
@@ -69,7 +69,7 @@ def test_channels_with_the_age_of_their_readings_and_the_ledger() -> None:
         ChannelQuality("sensors/slow", Quality.GOOD, START, "", (), START + 3_000_000_000),
         ChannelQuality("motor_current", Quality.GOOD, START, "", (), START + 1_500_000_000),
     )
-    judged = (Judged("parity", 0.25, 0.5, False, Cause.MISSING, "load_force lacks all"),)
+    judged = (JudgedTest("parity", 0.25, 0.5, False, Cause.MISSING, "load_force lacks all"),)
     status = mirrored(DataQuality(START, rows, (), judged), "observer", START)
     assert (status.level, status.message) == (Level.WARN, "parity not judged")
     assert dict(status.values) == {

@@ -18,7 +18,7 @@ from flea_diag.wire.records import (
     AmbiguityGroup,
     Cause,
     DataQuality,
-    Judged,
+    JudgedTest,
     Outcome,
     Record,
     Scan,
@@ -52,7 +52,7 @@ class Stream:
                 self.turns.append(self.scans)
             self.scans += 1
 
-    def of(self, test: str) -> Judged:
+    def of(self, test: str) -> JudgedTest:
         return next(row for row in self.ledger.report() if row.residual == test)
 
 
@@ -64,7 +64,7 @@ def test_shares_are_those_counted_by_hand() -> None:
     mechanical = stream.of("parity_mechanical")
     assert (mechanical.recent, mechanical.run) == (0.9, 110 / 120)
     assert (mechanical.cause, mechanical.why) == (Cause.AT_REST, "at rest in 10 % of the scans")
-    assert stream.of("nut_temperature") == Judged("nut_temperature", 1.0, 1.0)
+    assert stream.of("nut_temperature") == JudgedTest("nut_temperature", 1.0, 1.0)
     assert not stream.turns
 
 
