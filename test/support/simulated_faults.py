@@ -19,7 +19,7 @@ TABLE = Path(__file__).with_suffix(".yaml")
 
 
 @dataclass(frozen=True)
-class JudgedTest:
+class Judged:
     """What became of one run: right, early (before the onset), missed or wrong."""
 
     row: str
@@ -53,7 +53,7 @@ def scenario(row: str, seed: int) -> dict[str, Any]:
     }
 
 
-def judged(row: str, seed: int) -> JudgedTest:
+def judged(row: str, seed: int) -> Judged:
     """Diagnose one run without its truth, and hold the last verdict against the table."""
     stand = SimulatedStand(scenario_from_mapping(scenario(row, seed), row))
     records = [record for record in stand if isinstance(record, (ChannelTable, Scan))]
@@ -67,6 +67,6 @@ def judged(row: str, seed: int) -> JudgedTest:
         0 <= g.detected_stamp_ns < first_ns + table()["onset_s"] * 1e9 for g in groups if g.episode
     )
     right = entry["fault"] in names and set(names) <= set(entry["right"]) and not early
-    return JudgedTest(
+    return Judged(
         row, seed, last.outcome.name, names, early, right, detected_s - table()["onset_s"]
     )

@@ -1,6 +1,6 @@
 """Conditions that void relations on one stream of scans: what holds now, and since when.
 
-JudgedTest here are the end of travel and the saturated drive; ``voltage_trust`` and ``speed_trust``
+Judged here are the end of travel and the saturated drive; ``voltage_trust`` and ``speed_trust``
 judge conditions of their own. Contact holds from the scan that shows it, so a block ends before
 that scan.
 """
