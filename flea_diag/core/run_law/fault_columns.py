@@ -87,5 +87,6 @@ def fault_columns(
             if entry.any():
                 found.setdefault((model.fault, size.name, entry.tobytes()), (column, entry))
     entries = list(found.values())
-    design = np.stack([entry for _, entry in entries], axis=-1)
+    blank = np.zeros((len(relations), len(names), 0))
+    design = np.stack([entry for _, entry in entries], axis=-1) if entries else blank
     return FaultColumns(tuple(c for c, _ in entries), design, names.index("elapsed_s"))

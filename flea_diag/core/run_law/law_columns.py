@@ -106,7 +106,8 @@ def law_columns(
             blank = np.zeros((len(relations), len(names)))
             entry = entries.setdefault(column, blank)
             entry[relations.index(place[0]), names.index(place[1])] += gain
-    design = np.stack(list(entries.values()), axis=-1)
+    blank = np.zeros((len(relations), len(names), 0))
+    design = np.stack(list(entries.values()), axis=-1) if entries else blank
     return LawColumns(relations, tuple(entries), design, names.index("elapsed_s"))
 
 

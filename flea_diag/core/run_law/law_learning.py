@@ -93,8 +93,9 @@ class _Learning:
         self, runs: Sequence[RunWindows], columns: LawColumns, faults: FaultColumns,
         sharing: Sequence[tuple[int, int]],
     ) -> None:  # fmt: skip
+        runs = _noisy_alone(runs)
         self.runs, self.faults, self._sharing = list(runs), faults, sharing
-        self.columns = columns.some(_acting(runs, columns))
+        self.columns = columns.some(acting(runs, columns))
         self.scale = _scale(runs, self.columns)
         self.groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
         self.noise = learned_noise([r.values for r in runs], [r.turning for r in runs], ())
@@ -184,12 +185,20 @@ class _Learning:
         return own, fit
 
 
-def _acting(runs: Sequence[RunWindows], columns: LawColumns) -> list[int]:
+def _noisy_alone(runs: Sequence[RunWindows]) -> list[RunWindows]:
+    """The recordings without relations that never change: of such a reading nothing is known."""
+    still = _rough_sigma(runs) == 0.0
+    if not still.any():
+        return list(runs)
+    return [replace(run, values=np.where(still, np.nan, run.values)) for run in runs]
+
+
+def acting(runs: Sequence[RunWindows], columns: LawColumns) -> list[int]:
     """Columns that move a residual which some recording has."""
     acts = np.zeros(len(columns), dtype=bool)
     for run in runs:
         known = np.isfinite(run.values)[..., None]
-        acts |= (np.abs(columns.of(run)) * known).max(axis=(0, 1)) > 0.0
+        acts |= (np.abs(columns.of(run)) * known).max(axis=(0, 1), initial=0.0) > 0.0
     return np.flatnonzero(acts).tolist()
 
 
@@ -197,7 +206,7 @@ def _scale(runs: Sequence[RunWindows], columns: LawColumns) -> Array:
     """Prior standard deviation of each column: its tolerance, or a share of the noise."""
     sigma = _rough_sigma(runs)
     squares = np.mean([np.square(columns.of(run)).mean(axis=0) for run in runs], axis=0)
-    reach = (np.sqrt(squares) / sigma[:, None]).max(axis=0)
+    reach = (np.sqrt(squares) / np.where(sigma > 0.0, sigma, np.inf)[:, None]).max(axis=0)
     return np.array([
         NEGLECTED_SHARE / r if c.kind == NEGLECTED else c.tolerance
         for c, r in zip(columns.columns, reach, strict=True)
@@ -205,13 +214,12 @@ def _scale(runs: Sequence[RunWindows], columns: LawColumns) -> Array:
 
 
 def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
-    """Scatter of the residuals from window to window, shape (relations,); 1 where there is none."""
+    """Scatter of the residuals from window to window, shape (relations,); 0 where there is none."""
     steps = np.concatenate([np.diff(run.values, axis=0) for run in runs])
     sigmas = []
     for column in steps.T:
         known = np.abs(column[np.isfinite(column)])
-        sigma = 1.4826 * float(np.median(known)) / np.sqrt(2.0) if len(known) else 0.0
-        sigmas.append(sigma if sigma > 0.0 else 1.0)
+        sigmas.append(1.4826 * float(np.median(known)) / np.sqrt(2.0) if len(known) else 0.0)
     return np.array(sigmas)
 
 

@@ -25,10 +25,10 @@ def law_score(
     apart: Sequence[Spread],
 ) -> LawScore | None:  # fmt: skip
     """Score over recordings, each by the spread ``apart`` from it; None of fewer than three."""
-    if len(runs) < 3:
+    count = float(sums.count.sum())
+    if len(runs) < 3 or count == 0.0:
         return None
     logs = sum(float(law.log_density(sums[k])) for k, law in enumerate(apart))
-    count = float(sums.count.sum())
     means = np.concatenate([
         standardised_means(run, x, noise, law)
         for run, x, law in zip(runs, columns, apart, strict=True)

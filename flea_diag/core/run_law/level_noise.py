@@ -60,7 +60,8 @@ def level_noise(recordings: Sequence[Array], walks: bool = True) -> LevelNoise:
 
 def _of_one(columns: Sequence[Array], walks: bool) -> tuple[float, float, float, float, float]:
     known = [column[np.isfinite(column)] for column in columns]
-    square = float(np.mean(np.concatenate([np.square(k) for k in known] or [np.ones(1)])))
+    values = np.concatenate(known) if known else np.empty(0)
+    square = float(np.square(values).mean()) if len(values) else 1.0
     lags, gamma = variogram(columns)
     if not len(lags):
         return 1.0, 0.0, 0.0, 0.0, 1.0
@@ -70,7 +71,8 @@ def _of_one(columns: Sequence[Array], walks: bool) -> tuple[float, float, float,
         zip(PHIS, fits, strict=True), key=lambda found: found[1][1]
     )
     means = [float(np.mean(k)) ** 2 for k in known if len(k)]
-    return max(white, floor), coloured, phi, walk, max(float(np.mean(means)), floor)
+    start = float(np.mean(means)) if means else 0.0
+    return max(white, floor), coloured, phi, walk, max(start, floor)
 
 
 def variogram(columns: Sequence[Array]) -> tuple[Array, Array]:

@@ -151,7 +151,7 @@ def _nearest_half(of: Candidates) -> Flags:
     error = np.einsum("kii->ki", kept)
     spread = np.square(1.4826 * np.median(np.abs(own - middle), axis=0))
     apart = np.square(own - middle) / (error + np.maximum(spread, 0.25 * of.prior))
-    distance = apart.max(axis=1)
+    distance = apart.max(axis=1, initial=0.0)
     return np.asarray(distance <= np.median(distance))
 
 

@@ -82,7 +82,7 @@ def visible_sizes(
             )
         ]  # fmt: skip
         onset, before, named = sizes
-        largest = max(map(column.reach, column.signs))
+        largest = max(map(column.reach, column.signs), default=0.0)
         found.append(
             VisibleSize(column.fault, column.size, column.unit, onset, before, max(named, onset),
                         largest=largest, alike=errors.alike[k])

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from flea_diag.configuration.description import described
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
 from flea_diag.core.run_law.law_columns import LawColumns, law_columns
-from flea_diag.core.run_law.law_learning import LawFit, learn_law
+from flea_diag.core.run_law.law_learning import LawFit, acting, learn_law
 from flea_diag.core.run_law.run_law import RunLaw
-from flea_diag.core.run_law.run_windows import RunWindows, signal_names
+from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows, signal_names
 from flea_diag.core.run_law.visible_sizes import limit_nats, visible_sizes
 from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
 from flea_diag.tools.calibrate.law_words import reason_of
@@ -67,6 +69,24 @@ class LawDesign:
         return replace(fit.law, visible=tuple(both))
 
 
+LEAST_WINDOWS = 50
+"""10 s: less says next to nothing of what a recording differs by."""
+
+
+def _unfit(design: LawDesign, runs: Sequence[RunWindows]) -> str:
+    """Why no law can be learned of these recordings; empty: one can."""
+    formed = [np.isfinite(run.values).any(axis=1).sum() for run in runs]
+    if not acting(runs, design.columns) or not len(design.faults):
+        return "nothing that healthy units differ by shows in these recordings: record motion"
+    if max(formed, default=0) < LEAST_WINDOWS:
+        seconds = max(formed, default=0) * WINDOW_S
+        return (
+            f"the longest recording has its relations for {seconds:.1f} s, at least "
+            f"{LEAST_WINDOWS * WINDOW_S:.0f} s of motion are needed: record longer"
+        )
+    return ""
+
+
 @dataclass(frozen=True, eq=False)
 class LawOfRecordings:
     """What the recordings of a calibration, taken together, say of each other.
@@ -89,11 +109,14 @@ class LawOfRecordings:
         if faults is None:
             return cls()
         design = LawDesign.of(calibration, str(actuator), str(faults))
-        if not len(design.columns):
-            return cls()
-        fit = design.learned(design.windows(recordings, sharing))
+        runs = design.windows(recordings, sharing)
+        runs = [run for run in runs if len(run) >= LEAST_WINDOWS // 5]
+        why = _unfit(design, runs)
+        if why:
+            return cls(noisy=(f"no law of healthy recordings: {why}",))
+        fit = design.learned(runs)
         relations = design.work.effects().relations
-        names = [recording.run.name for recording in recordings]
+        names = [run.name for run in runs]
         odd = {names[row.place]: reason_of(row, relations) for row in fit.unsound}
         noisy = tuple(f"{names[row.place]}: {reason_of(row, relations)}" for row in fit.noisy)
         return cls(design, fit, odd, noisy)

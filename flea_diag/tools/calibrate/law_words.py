@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.run_law.run_law import RunLaw, VisibleSize
@@ -70,8 +70,13 @@ def words(law: RunLaw, relations: RelationSet) -> Iterator[str]:
         )
     yield ""
     yield "size that half of the recordings show"
+    yield from size_lines(law.visible)
+
+
+def size_lines(visible: Iterable[VisibleSize]) -> Iterator[str]:
+    """A table of sizes, in the units of the catalogue."""
     yield "fault                                      from onset  from before  named      by limits"
-    for row in law.visible:
+    for row in visible:
         label = f"{row.fault}, {row.size}" if not row.fault.endswith(row.size) else row.fault
         unit = "" if row.unit == "1" else f" {row.unit}"
         sizes = (_size(row, value) for value in (row.onset, row.before, row.named, row.limits))

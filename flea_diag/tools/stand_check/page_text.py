@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from flea_diag.core.likelihood.size_bound import SizeBound
+from flea_diag.tools.calibrate.law_words import size_lines
 from flea_diag.tools.stand_check.channel_check import ChannelCheck
 from flea_diag.tools.stand_check.fault_sizes import EPISODE_S
 from flea_diag.tools.stand_check.stand_page import OneMoreSensor, StandPage, sized
@@ -57,6 +58,9 @@ def as_text(page: StandPage) -> str:
     if page.alone:
         lines.append(f"  by readings of the sensor alone: {', '.join(_by_channel(page.alone))}")
     lines += [f"  not seen: {name}: {why}" for name, why in page.unseen.items()]
+    if page.visible:
+        lines += ["", "Sizes that half of the recordings of its calibration show"]
+        lines += [f"  {line}" for line in size_lines(page.visible)]
     lines += ["", "One more sensor", *_sensor_lines(page.sensors), "", *_promise_lines(page)]
     return "\n".join(lines)
 

@@ -12,6 +12,7 @@ from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR, FalseAlarm
 from flea_diag.core.faults.fault import Fault, of_sensors
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.likelihood.size_bound import SizeBound
+from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.tools.stand_check.channel_check import ChannelCheck, channel_checks
 from flea_diag.tools.stand_check.fault_sizes import FaultSizes
 from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
@@ -51,6 +52,8 @@ class StandPage:
     sensors: tuple[OneMoreSensor, ...]
     promise: FalseAlarmPromise
     problems: tuple[str, ...]
+    visible: tuple[VisibleSize, ...] = ()
+    """What the calibration of the stand sees; empty where it holds no law of its recordings."""
 
     @property
     def missing_hours(self) -> float:
@@ -89,6 +92,7 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
     promise = FalseAlarmPromise(FALSE_ALARMS_PER_HOUR, len(motions), seconds / 3600.0)
     if sizes.calibration is not None:
         promise = sizes.calibration.promise
+    law = sizes.calibration.law if sizes.calibration is not None else None
     return StandPage(
         stand.name,
         len(motions),
@@ -103,6 +107,7 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
         tuple(_brought(sizes, sized, bounds, lacking)),
         promise,
         tuple(_problems(checks)),
+        law.visible if law is not None else (),
     )
 
 

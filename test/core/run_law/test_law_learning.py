@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.models.law_design import COLUMNS, FAULTS, recording, recordings
 
 from flea_diag.core.run_law.law_learning import learn_law
 from flea_diag.core.run_law.run_law import RunLaw
+from flea_diag.core.run_law.visible_sizes import visible_sizes
 from flea_diag.fields.reader import read_as
 
 
@@ -80,6 +83,32 @@ def test_few_recordings_make_a_law_too():
         law = law_of(recordings(rng, count)).law
         assert np.isfinite([term.run_sigma for term in law.terms]).all()
         assert law.terms[0].run_sigma > 0.1
+
+
+def without(run, relations):
+    """A recording that lacks relations."""
+    values = run.values.copy()
+    values[:, relations] = np.nan
+    return replace(run, values=values)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda runs: [without(run, [1]) for run in runs],
+        lambda runs: [without(runs[0], [0, 1]), *runs[1:]],
+        lambda runs: [run.part(slice(0, 6)) for run in runs],
+        lambda runs: [replace(run, values=np.zeros_like(run.values)) for run in runs],
+        lambda runs: [runs[0]] * 4,
+    ],
+    ids=["a relation never formed", "a recording without any", "short", "constant", "duplicates"],
+)
+def test_recordings_that_say_little_make_a_wide_law_and_no_error(spoil):
+    runs = spoil(recordings(np.random.default_rng(9), 4))
+    fit = learn_law(runs, COLUMNS, FAULTS, [(1, 0)])
+    assert np.isfinite([term.run_sigma for term in fit.law.terms]).all()
+    assert len(visible_sizes(fit.law, fit.columns, FAULTS, fit.sound, 10.0, 3.5)) == len(FAULTS)
 
 
 def test_a_law_is_the_same_after_its_file():
