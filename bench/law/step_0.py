@@ -156,6 +156,7 @@ def onset_evidence(design: Any, fit: Any, run: Any) -> tuple[str, float]:
     near = range(at - EVERY, at + EVERY + 1)
     at = max(near, key=lambda t: evidence(design, fit, run, onset=t).unit)
     # The unit is another one from there on; a fault must explain more than that, or instead.
+    alone[at] = evidence(design, fit, run, onset=at)
     unit = alone[at].unit
     later = [evidence(design, fit, run, onset=t, switched=at) for t in onsets]
     best = max(later, key=lambda w: w.best[1] - max(0.0, w.unit))
@@ -171,12 +172,14 @@ def main() -> int:
     """Run and print."""
     parser = bench_parser(__doc__)
     parser.add_argument("--switches", type=Path, help="bags of unit_switch")
+    parser.add_argument("--part", choices=("real", "switches"))
     parser.add_argument("--nominal", type=Path, help="bags of healthy scenarios")
     arguments = parser.parse_args()
     figures: list[Figure] = []
-    with TemporaryDirectory() as folder:
-        figures += real(Path(folder))
-    if arguments.switches:
+    if arguments.part != "switches":
+        with TemporaryDirectory() as folder:
+            figures += real(Path(folder))
+    if arguments.part != "real":
         figures += switched(arguments.switches, arguments.nominal)
     for figure in figures:
         spread = "" if figure.low is None else f" ({figure.low:.4g} to {figure.high:.4g})"

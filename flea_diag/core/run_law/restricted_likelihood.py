@@ -45,7 +45,8 @@ class Spread:
         """Log density of further recordings, each by itself, constants left out."""
         beside = sums.beside(self.mean)
         total = np.diag(self.variance) + self.covariance
-        root = np.linalg.cholesky(total + 1e-12 * np.diag(np.diag(total)))
+        values, vectors = np.linalg.eigh(total)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
         inner = np.eye(len(root)) + root.T @ beside.gram @ root
         pulled = np.matmul(beside.cross, root)
         solved = np.linalg.solve(inner, pulled[..., None])[..., 0]

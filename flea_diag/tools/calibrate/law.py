@@ -69,8 +69,8 @@ class LawDesign:
         return replace(fit.law, visible=tuple(both))
 
 
-LEAST_WINDOWS = 50
-"""10 s: less says next to nothing of what a recording differs by."""
+LEAST_WINDOWS = 15
+"""3 s: less says nothing of what a recording differs by."""
 
 
 def _unfit(design: LawDesign, runs: Sequence[RunWindows]) -> str:
