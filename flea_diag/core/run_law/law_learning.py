@@ -28,7 +28,7 @@ from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, 
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.time_constant import time_constant_s
-from flea_diag.core.run_law.unsound_runs import Candidates, Judged, UnsoundRun, sound_runs
+from flea_diag.core.run_law.unsound_runs import Candidates, RunsJudged, UnsoundRun, sound_runs
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -100,10 +100,10 @@ class _Learning:
         self.groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
         self.noise = learned_noise([r.values for r in runs], [r.turning for r in runs], ())
         self.noisy: list[UnsoundRun] = []
-        self._judged: Judged | None = None
+        self._judged: RunsJudged | None = None
         self.sums: RunSums
 
-    def judge(self) -> Judged:
+    def judge(self) -> RunsJudged:
         """Judge all recordings by the noise as it is; leave out relations that are too noisy."""
         found = self._candidates()
         self.sums, self._judged = found.own, sound_runs(found)
@@ -223,7 +223,7 @@ def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
     return np.array(sigmas)
 
 
-def _law(of: _Learning, judged: Judged) -> RunLaw:
+def _law(of: _Learning, judged: RunsJudged) -> RunLaw:
     """The law in SI units."""
     levels, which = judged.levels, np.flatnonzero(judged.sound).tolist()
     # A variance that is known from few recordings: the predictive distribution is wider.

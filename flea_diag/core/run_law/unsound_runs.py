@@ -104,7 +104,7 @@ class Candidates:
         )
 
 
-class Judged(NamedTuple):
+class RunsJudged(NamedTuple):
     """Which recordings are sound, their levels, and the others with what is wrong with them.
 
     ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
@@ -118,7 +118,7 @@ class Judged(NamedTuple):
     feigned: tuple[Array, Array]
 
 
-def sound_runs(of: Candidates) -> Judged:
+def sound_runs(of: Candidates) -> RunsJudged:
     """Judge all recordings together."""
     sound = _nearest_half(of)
     for _ in range(ROUNDS):
@@ -134,7 +134,7 @@ def sound_runs(of: Candidates) -> Judged:
     noisy = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
     first = len(of.columns)
     feigned = usual.size[first:], usual.size_variance[first:]
-    return Judged(sound, levels, unsound, noisy, feigned)
+    return RunsJudged(sound, levels, unsound, noisy, feigned)
 
 
 def _nearest_half(of: Candidates) -> Flags:

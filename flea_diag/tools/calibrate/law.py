@@ -76,14 +76,14 @@ LEAST_WINDOWS = 15
 def _unfit(design: LawDesign, runs: Sequence[RunWindows]) -> str:
     """Why no law can be learned of these recordings; empty: one can."""
     formed = [np.isfinite(run.values).any(axis=1).sum() for run in runs]
-    if not acting(runs, design.columns) or not len(design.faults):
-        return "nothing that healthy units differ by shows in these recordings: record motion"
     if max(formed, default=0) < LEAST_WINDOWS:
         seconds = max(formed, default=0) * WINDOW_S
         return (
             f"the longest recording has its relations for {seconds:.1f} s, at least "
             f"{LEAST_WINDOWS * WINDOW_S:.0f} s of motion are needed: record longer"
         )
+    if not acting(runs, design.columns) or not len(design.faults):
+        return "nothing that healthy units differ by shows in these recordings: record motion"
     return ""
 
 
