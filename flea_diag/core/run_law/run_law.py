@@ -216,6 +216,7 @@ class RunLaw(Frozen):
 
 
 DIGITS = 6
+"""Significant digits of a file: no recording tells a seventh."""
 
 
 def _plain(value: Any) -> Any:

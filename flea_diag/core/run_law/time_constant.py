@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 TAUS_S = (30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 """Half a minute to hours: faster is noise, slower is another recording."""
 PIECE_WINDOWS = 50
+"""10 s, over which what a recording differs by is taken as constant."""
 WITHIN_NATS = 2.0
 """Below the best: the shortest of these time constants is taken, which hides least."""
 MOST_RUNS = 100

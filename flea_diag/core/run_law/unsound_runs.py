@@ -39,6 +39,7 @@ WITHIN_UNITS = 0.5
 """Share of what healthy units differ by below which no recording is unsound, however well the
 difference is known."""
 ROUNDS = 12
+"""Beyond, two sets follow on each other: the last one is taken."""
 CHANGED = 3.0
 """Factor of a variance by which rooms, supplies and motions change healthy noise."""
 
