@@ -159,8 +159,8 @@ PANELS = (
     PagePanel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
     PagePanel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
     PagePanel("causes", "Temporal causal graph", "scroll", _paths, _episode),
-    PagePanel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
-    PagePanel("episodes", "Episodes", "half scroll", _episodes, _said_by_people),
+    PagePanel("tree", "Diagnosis tree and features", "", _tree, _episode_and_features),
+    PagePanel("episodes", "Episodes", "scroll", _episodes, _said_by_people),
     PagePanel("quality", "Data quality", "half scroll", _quality, _quality_now),
     PagePanel("streams", "Streams and nodes", "half scroll", _streams, _second),
 )
