@@ -89,6 +89,15 @@ PAGES = (
         ("likelihood_ratio",),
     ),
     ResultPage(
+        "law",
+        "One law of healthy recordings",
+        "What healthy recordings differ by, learned from all of them "
+        "([Method](../method.md#3-calibration)): a first proof offline on the FLEA's recordings and on "
+        "simulated switches of the unit, and its score by seeds that were fixed before. It is learned "
+        "and reported; no decision rests on it yet.",
+        ("step_0", "law_score"),
+    ),
+    ResultPage(
         "performance",
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
