@@ -13,7 +13,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from flea_diag.core.run_law.law_columns import NEGLECTED
+from flea_diag.core.run_law.law_columns import FREE, NEGLECTED
 from flea_diag.core.run_law.run_sums import RunSums
 
 WIDE = 10.0
@@ -57,13 +57,18 @@ class Weighed:
         return {name for name, nats in self.every.items() if self.best[1] - nats <= within}
 
 
-def unit_variance(law: Any) -> Any:
-    """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts."""
+def unit_variance(law: Any, columns: Any) -> Any:
+    """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts.
+
+    Its sensors are other ones, on other channels: their zeros differ by the tolerance of the
+    description, whatever units on one channel have shown.
+    """
+    stated = [c.tolerance**2 if c.kind == FREE else 0.0 for c in columns.columns]
     warm = [
         OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
         for t in law.terms
     ]
-    return np.maximum(law.unit_variance, warm)
+    return np.maximum(law.unit_variance, np.maximum(stated, warm))
 
 
 def weighed(
@@ -86,7 +91,10 @@ def weighed(
     sums = RunSums.of(white.bounded(_rough(white, law.mean, total, 2 * count)))
     sums = sums.beside(np.concatenate((law.mean, np.zeros(sums.gram.shape[0] - count))))
     another, found, sizes = _evidence(sums, total, unit, count, faults)
-    anew = np.concatenate((total[:count] + unit * (onset == 0), total[count:]))
+    if onset:
+        # A fault in a unit that comes with it is no hypothesis of its own.
+        return Weighed(another, found, sizes, dict.fromkeys(found, -math.inf))
+    anew = np.concatenate((total[:count] + unit, total[count:]))
     _, with_unit, _ = _evidence(sums, anew, unit, count, faults)
     return Weighed(another, found, sizes, with_unit)
 

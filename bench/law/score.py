@@ -58,6 +58,8 @@ ERRORS: dict[str, tuple[str, Callable[[Any, Any, float], Any]]] = {
 """Errors of a reading y, t seconds after the onset; a scaling takes a share of what is read."""
 STEPS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 """Sizes around the one that is said."""
+BEYOND = 3.0
+"""What is found at none of these sizes."""
 DIAGNOSED = 8
 """Recordings that the diagnosis has an error put into, for each row and step."""
 
@@ -235,7 +237,7 @@ def sizes(stand: Stand, folder: Path) -> Iterator[Figure]:
 
 
 def _half(shares: list[float]) -> float:
-    """Step at which half are found, by interpolation of logarithms; at an end: beyond it."""
+    """Step at which half are found, by interpolation of logarithms; ``BEYOND``: at none."""
     for k, found in enumerate(shares):
         if found >= 0.5:
             if k == 0:
@@ -243,7 +245,7 @@ def _half(shares: list[float]) -> float:
             part = (0.5 - shares[k - 1]) / (found - shares[k - 1])
             low, high = math.log(STEPS[k - 1]), math.log(STEPS[k])
             return math.exp(low + part * (high - low))
-    return math.inf
+    return BEYOND
 
 
 def _seen_by_law(

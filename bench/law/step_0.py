@@ -45,7 +45,8 @@ UNIT_GAIN = 0.03
 
 def evidence(design: Any, fit: Any, run: Any, **more: int) -> Any:
     """Weighed hypotheses of one recording by a law."""
-    return weighed(fit.law, fit.columns, design.faults, run, unit_variance(fit.law), **more)
+    unit = unit_variance(fit.law, fit.columns)
+    return weighed(fit.law, fit.columns, design.faults, run, unit, **more)
 
 
 def real(folder: Path) -> Iterator[Figure]:

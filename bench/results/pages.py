@@ -92,9 +92,9 @@ PAGES = (
         "law",
         "One law of healthy recordings",
         "What healthy recordings differ by, learned from all of them "
-        "([Method](../method.md#3-calibration)): a first proof offline on the FLEA's recordings and on "
-        "simulated switches of the unit, and its score by seeds that were fixed before. It is learned "
-        "and reported; no decision rests on it yet.",
+        "([Method](../method.md#3-calibration)): a first proof offline on the FLEA's recordings "
+        "and on simulated switches of the unit, and its score by seeds that were fixed before. "
+        "It is learned and reported; no decision rests on it yet.",
         ("step_0", "law_score"),
     ),
     ResultPage(

@@ -23,6 +23,7 @@ NAMES = (
     "codec Symbols",
     "codec VibrationBlock",
     "codec VibrationLevel",
+    "codec VerdictNumbers",
     "codec FeatureRequest",
     "codec FeatureValue",
     "codec Health",

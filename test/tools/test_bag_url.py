@@ -83,7 +83,10 @@ def test_a_copy_has_the_bytes_of_the_bag_and_goes_with_its_reader(
 
 def test_a_calibration_reads_the_same_rows_from_a_url(host: str) -> None:
     known = compiled_relations(load_stand().actuator).residuals
-    (there, here), refused = read_nominal([BagUrl(f"{host}/nominal"), BAGS / "nominal"], known)
+    # Together the second would be refused: it is the same recording.
+    ((there,), refused), ((here,), _) = (
+        read_nominal([place], known) for place in (BagUrl(f"{host}/nominal"), BAGS / "nominal")
+    )
     assert refused == []
     assert there.run.name == here.run.name == "nominal"
     assert there.run.rows.tobytes() == here.run.rows.tobytes()

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from flea_diag.core.likelihood.size_bound import SizeBound
-from flea_diag.tools.calibrate.law_words import size_lines
+from flea_diag.tools.size_table import size_lines
 from flea_diag.tools.stand_check.channel_check import ChannelCheck
 from flea_diag.tools.stand_check.fault_sizes import EPISODE_S
 from flea_diag.tools.stand_check.stand_page import OneMoreSensor, StandPage, sized

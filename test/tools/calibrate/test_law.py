@@ -17,10 +17,11 @@ from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.isolation.detectability import shows_from, unseen_by_limits
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.tools.calibrate.law import LawOfRecordings
-from flea_diag.tools.calibrate.law_words import size_lines, words
+from flea_diag.tools.calibrate.law_words import words
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import learn
 from flea_diag.tools.calibrate.shared_work import ALONE
+from flea_diag.tools.size_table import size_lines
 
 STAND = load_stand(str(FLEA_STAND))
 

@@ -89,6 +89,7 @@ def test_a_quiet_run() -> None:
         "features_computed": [],
         "data_quality": {},
         "judged": [],
+        "shows_from": {},
         "digest": digest(records),
         "decision_digest": decision_digest(records),
         "scans": 2,
