@@ -39,8 +39,6 @@ SIZES = ("jam, coulomb drag", "motor_current_bias", "load_force_bias", "motor_cu
 COUNTS, ORDERS, SEED = (4, 8, 16, 29), 20, 16
 BIAS_A, BIAS_AT_S, BEGINS_S, EVERY = 0.5, 22.0, 4.0, 4
 ADOPTED_NATS = 5.0
-UNIT_GAIN = 0.03
-"""The description of the FLEA states no tolerance of the force constant: its units are of one."""
 
 
 def evidence(design: Any, fit: Any, run: Any, **more: int) -> Any:
@@ -115,14 +113,9 @@ def growing(design: Any, runs: list[Any]) -> Iterator[Figure]:
                              column.unit, len(values), values.min(), values.max())  # fmt: skip
 
 
-def switched(switches: Path, nominal: Path, gain: float) -> Iterator[Figure]:
-    """Part (d); ``gain``: share by which units differ in the force constant, besides."""
+def switched(switches: Path, nominal: Path) -> Iterator[Figure]:
+    """Part (d)."""
     calibration = shipped()
-    if gain:
-        force = gain * calibration.parameters.force_constant_n_per_a
-        wider = replace(calibration.tolerance, force_constant_n_per_a=force)
-        calibration = replace(calibration, tolerance=wider)
-    words = f", force constants of units within {gain:.0%}" if gain else ""
     design = design_of(calibration)
     recordings = [
         replace(recording, serial=recording.run.name.rpartition("_")[2])
@@ -149,9 +142,9 @@ def switched(switches: Path, nominal: Path, gain: float) -> Iterator[Figure]:
             right += nats > limit and best == "motor_current_bias"
             print(f"  {sign * BIAS_A:+} A: {best} {nats:.1f}", flush=True)
     count = len(recordings)
-    yield share(f"switch to another unit{words}: alarm", alarms, count)
-    yield share(f"a bias of the current after it{words}: found", found, 2 * count)
-    yield share(f"a bias of the current after it{words}: best by name", right, 2 * count)
+    yield share("switch to another unit: alarm", alarms, count)
+    yield share("a bias of the current after it: found", found, 2 * count)
+    yield share("a bias of the current after it: best by name", right, 2 * count)
 
 
 def onset_evidence(design: Any, fit: Any, run: Any) -> tuple[str, float]:
@@ -189,8 +182,7 @@ def main() -> int:
         with TemporaryDirectory() as folder:
             figures += real(Path(folder))
     if arguments.part != "real":
-        for gain in (0.0, UNIT_GAIN):
-            figures += switched(arguments.switches, arguments.nominal, gain)
+        figures += switched(arguments.switches, arguments.nominal)
     for figure in figures:
         spread = "" if figure.low is None else f" ({figure.low:.4g} to {figure.high:.4g})"
         print(f"{figure.name}: {figure.value:.4g} {figure.unit}{spread}, n = {figure.n}")

@@ -31,6 +31,7 @@ from flea_diag.tools.calibrate.shared_work import ALONE, Sharing
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
+INSTANT = "instant_pwm"
 MOST_RUNS = 12
 """Recordings whose motion is looked at, evenly over all."""
 
@@ -60,12 +61,20 @@ class LimitWork:
         added = self._added(signals[:until], onset)
         quiet = self._z(formed, rows, np.zeros_like(added[..., 0]))
         return np.array([
+            np.inf if column.fault.startswith(self._doubted(rows)) else
             min(
                 self._by_means(formed, rows, added[..., k], quiet, onset),
                 self._by_shifts(formed, rows, added[..., k], onset),
             )
-            for k in range(len(self.faults))
+            for k, column in enumerate(self.faults.columns)
         ])  # fmt: skip
+
+    def _doubted(self, rows: ResidualSet) -> tuple[str, ...]:
+        """How faults of a voltage begin that nothing corroborates: it is bad data, not a fault."""
+        alone = self.calibration.voltage_sampling == INSTANT and (
+            not rows.command or rows.command not in self.calibration.channels
+        )
+        return (f"{rows.voltage}_",) if rows.voltage and alone else ()
 
     def _added(self, signals: Array, onset: int) -> Array:
         """What one unit of each fault adds, shape (scans, relations, faults)."""
