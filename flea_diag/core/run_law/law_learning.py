@@ -49,7 +49,8 @@ class LawFit:
     """A law, the recordings that are unsound, and the columns that it kept.
 
     ``noisy``: relations that were left out of one recording, for their noise; ``sound``: the
-    recordings that it was learned from, without them.
+    recordings that it was learned from, without them; ``contradicting``: recordings that are
+    unlike the others, but too many for it to be clear which are the healthy ones.
     """
 
     law: RunLaw
@@ -57,6 +58,7 @@ class LawFit:
     noisy: tuple[UnsoundRun, ...]
     columns: LawColumns
     sound: tuple[RunWindows, ...]
+    contradicting: tuple[UnsoundRun, ...] = ()
 
 
 def learn_law(
@@ -83,7 +85,12 @@ def learn_law(
     which = np.flatnonzero(judged.sound).tolist()
     sound = tuple(learning.runs[k] for k in which)
     return LawFit(
-        _law(learning, judged), judged.unsound, tuple(learning.noisy), learning.columns, sound
+        _law(learning, judged),
+        judged.unsound,
+        tuple(learning.noisy),
+        learning.columns,
+        sound,
+        judged.contradicting,
     )
 
 

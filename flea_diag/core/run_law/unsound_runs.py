@@ -38,6 +38,8 @@ LEAST_GAIN = 1e-9
 WITHIN_UNITS = 0.5
 """Share of what healthy units differ by below which no recording is unsound, however well the
 difference is known."""
+MOST_UNSOUND = 0.25
+"""Share of the recordings beyond which it is not clear which are the healthy ones."""
 ROUNDS = 12
 """Beyond, two sets follow on each other: the last one is taken."""
 CHANGED = 3.0
@@ -110,6 +112,7 @@ class RunsJudged(NamedTuple):
 
     ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
     ``feigned`` are centre and variance of each fault's size in sound ones, shape (faults,).
+    ``contradicting`` are those that would be unsound, were they not too many.
     """
 
     sound: Flags
@@ -117,12 +120,31 @@ class RunsJudged(NamedTuple):
     unsound: tuple[UnsoundRun, ...]
     noisy: tuple[UnsoundRun, ...]
     feigned: tuple[Array, Array]
+    contradicting: tuple[UnsoundRun, ...] = ()
 
 
 def sound_runs(of: Candidates) -> RunsJudged:
-    """Judge all recordings together."""
-    sound = _nearest_half(of)
-    for _ in range(ROUNDS):
+    """Judge all recordings together.
+
+    Where the half in the middle leaves out more than a quarter, it was a kind of its own, one load
+    say, among kinds that are all healthy: then whatever contradicts all of them is left out. If
+    that is as much, it is not clear which are the healthy ones, and all are kept.
+    """
+    judged = _settled(of, _nearest_half(of))
+    most = MOST_UNSOUND * len(of.sums)
+    if len(judged.unsound) <= most:
+        return judged
+    every = _settled(of, np.ones(len(of.sums), dtype=bool))
+    if len(every.unsound) <= most:
+        return every
+    kept = _settled(of, np.ones(len(of.sums), dtype=bool), rounds=1)
+    sound = np.ones(len(of.sums), dtype=bool)
+    return kept._replace(sound=sound, unsound=(), contradicting=every.unsound)
+
+
+def _settled(of: Candidates, sound: Flags, rounds: int = ROUNDS) -> RunsJudged:
+    """Sound recordings, from these on, until nothing changes."""
+    for _ in range(rounds):
         levels = of.fit(sound)
         odds, usual = _judged(of, levels, sound)
         now = np.array([found.nats <= 0.0 for found in odds])

@@ -118,8 +118,15 @@ class LawOfRecordings:
         relations = design.work.effects().relations
         names = [run.name for run in runs]
         odd = {names[row.place]: reason_of(row, relations) for row in fit.unsound}
-        noisy = tuple(f"{names[row.place]}: {reason_of(row, relations)}" for row in fit.noisy)
-        return cls(design, fit, odd, noisy)
+        noisy = [f"{names[row.place]}: {reason_of(row, relations)}" for row in fit.noisy]
+        if fit.contradicting:
+            row, count = fit.contradicting[0], len(fit.contradicting)
+            noisy.append(
+                f"{count} of {len(runs)} recordings contradict the others, too many to tell which "
+                f"are the healthy ones: all are kept. The first is {names[row.place]}: "
+                f"{reason_of(row, relations)}"
+            )
+        return cls(design, fit, odd, tuple(noisy))
 
     def seeing(
         self, calibration: Calibration, recordings: Sequence[NominalRecording], sharing: Sharing

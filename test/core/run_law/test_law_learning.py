@@ -117,3 +117,15 @@ def test_a_law_is_the_same_after_its_file():
     assert again.to_mapping() == law.to_mapping()
     assert again.covariance == pytest.approx(law.covariance, rel=1e-4)
     assert again.contradictions() == []
+
+
+def test_recordings_of_two_kinds_are_all_kept_and_said_to_contradict_each_other():
+    rng = np.random.default_rng(10)
+    runs = [
+        recording(rng, (drag, 0.0), name=f"{drag}_{k}") for drag in (0.0, 4.0) for k in range(6)
+    ]
+    runs += [recording(rng, (drag, 1.0)) for drag in (0.0, 4.0)]
+    fit = law_of(runs)
+    assert not fit.unsound
+    assert len(fit.sound) == len(runs)
+    assert fit.law.terms[0].run_sigma > 1.0
