@@ -145,6 +145,8 @@ class RunLaw(Frozen):
     time_constant_s: Positive
     score: LawScore | None = None
     feigned: tuple[FeignedSize, ...] = ()
+    unlike: tuple[tuple[str, str], ...] = ()
+    """Recordings that it was learned without, and why."""
     visible: tuple[VisibleSize, ...] = ()
 
     @property

@@ -110,6 +110,8 @@ def run(arguments: argparse.Namespace) -> int:
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")
+    for name, reason in found.unlike.items():
+        warn(f"{name}: unlike the others, so the law is learned without it: {reason}")
     for words in found.noisy:
         warn(words)
     if found.alike:

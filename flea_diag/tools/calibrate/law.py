@@ -91,13 +91,13 @@ def _unfit(design: LawDesign, runs: Sequence[RunWindows]) -> str:
 class LawOfRecordings:
     """What the recordings of a calibration, taken together, say of each other.
 
-    ``not_nominal``: recording -> why it is not as the others. ``noisy``: what is left out of single
-    recordings, in words.
+    ``unlike``: recording -> why it is not as the others, and what to do. ``noisy``: what is left out
+    of single recordings, in words.
     """
 
     design: LawDesign | None = None
     fit: LawFit | None = None
-    not_nominal: Mapping[str, str] = field(default_factory=dict)
+    unlike: Mapping[str, str] = field(default_factory=dict)
     noisy: tuple[str, ...] = ()
 
     @classmethod
@@ -134,4 +134,5 @@ class LawOfRecordings:
         """The law with the sizes of faults that show."""
         if self.design is None or self.fit is None:
             return None
-        return self.design.with_sizes(self.fit, calibration, recordings, sharing)
+        law = self.design.with_sizes(self.fit, calibration, recordings, sharing)
+        return replace(law, unlike=tuple(self.unlike.items()))

@@ -10,7 +10,7 @@ from flea_diag.core.run_law.unit_levels import LEAST_UNITS
 from flea_diag.core.run_law.unsound_runs import FAULT, MANY, NOISE, UnsoundRun
 from flea_diag.tools.size_table import size_lines
 
-DO = "leave it out, or record it again once that is explained"
+DO = "the limits hold it, too: leave it out where that is no healthy running"
 
 
 def reason_of(found: UnsoundRun, relations: RelationSet) -> str:
@@ -68,6 +68,8 @@ def words(law: RunLaw, relations: RelationSet) -> Iterator[str]:
             f"standardised means scatter by {law.score.spread:.2f} (1 where the law is right), "
             f"{law.score.beyond_two:.1%} of {law.score.means} beyond 2"
         )
+    for name, reason in law.unlike:
+        yield f"without {name}: {reason}"
     yield ""
     yield "size that half of the recordings show"
     yield from size_lines(law.visible)

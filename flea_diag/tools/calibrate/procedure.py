@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -49,6 +49,9 @@ class CalibrationResult:
     """Serial numbers of what behaves as one unit."""
     noisy: tuple[str, ...] = ()
     """Relations that the law leaves out of single recordings, in words."""
+    unlike: Mapping[str, str] = field(default_factory=dict)
+    """Recordings that all others, taken together, show to be unlike them, and why: the law is
+    learned without them, the limits with them."""
 
 
 def calibrate(
@@ -84,7 +87,7 @@ def learn(
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
     result = _learn(recordings, model.name, relations_of, false_alarms_per_hour, sharing)
     law = LawOfRecordings.of(result.calibration, actuator, faults, recordings, sharing)
-    odd = {**law.not_nominal, **result.not_nominal}
+    odd = result.not_nominal
     if odd:
         check_left_out(recordings, odd)
         kept = [r for r in recordings if r.run.name not in odd]
@@ -95,7 +98,9 @@ def learn(
     digest = description_sha256(actuator)
     calibration = replace(result.calibration, actuator_sha256=digest, left_out=left_out)
     calibration = replace(calibration, law=law.seeing(calibration, recordings, sharing))
-    return replace(result, calibration=calibration, not_nominal=odd, noisy=law.noisy)
+    return replace(
+        result, calibration=calibration, not_nominal=odd, noisy=law.noisy, unlike=law.unlike
+    )
 
 
 def _learn(

@@ -63,8 +63,8 @@ def found():
 
 
 def test_two_recordings_with_the_same_fault_do_not_mask_each_other(found):
-    assert set(found.not_nominal) == {"dragged0", "dragged2"}
-    for reason in found.not_nominal.values():
+    assert set(found.unlike) == {"dragged0", "dragged2"}
+    for reason in found.unlike.values():
         assert "friction" in reason or "drag" in reason
 
 
