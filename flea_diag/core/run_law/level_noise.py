@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import nnls
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -93,6 +92,9 @@ def variogram(columns: Sequence[Array]) -> tuple[Array, Array]:
 
 def _shares(lags: Array, gamma: Array, phi: float, walks: bool) -> tuple[Array, float]:
     """White, coloured and walk of the best fit, none negative, and its relative misfit."""
+    # A node that reads a calibration fits nothing, and would wait for the import.
+    from scipy.optimize import nnls
+
     parts = np.column_stack((np.ones_like(lags), 1.0 - phi**lags, 0.5 * lags * walks))
     shares, misfit = nnls(parts / gamma[:, None], np.ones_like(gamma))
     return shares, float(misfit)

@@ -22,6 +22,7 @@ from flea_diag.errors import FleaError
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.live_run import discovery
 from flea_diag.wire.bus import Bus, guest
+from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Outcome, Scan
 
 SPEED = 4.0
@@ -137,7 +138,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         ):
             bridge = ArenaBridge(bus, process)
             for line in sys.stdin:
-                replies.write(json.dumps(bridge.answer(json.loads(line))) + "\n")
+                replies.write(json.dumps(bridge.answer(parse_json(line))) + "\n")
     except (FleaError, OSError) as error:
         replies.write(json.dumps({"failed": str(error)}) + "\n")
     return 0

@@ -91,8 +91,8 @@ def _unfit(design: LawDesign, runs: Sequence[RunWindows]) -> str:
 class LawOfRecordings:
     """What the recordings of a calibration, taken together, say of each other.
 
-    ``unlike``: recording -> why it is not as the others, and what to do. ``noisy``: what is left out
-    of single recordings, in words.
+    ``unlike``: recording -> why it is not as the others, and what to do.
+    ``noisy``: what is left out of single recordings, in words.
     """
 
     design: LawDesign | None = None
