@@ -106,7 +106,7 @@ class _Learning:
         self.columns = columns.some(acting(runs, columns))
         self.scale = _scale(runs, self.columns)
         self.groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
-        self.noise = learned_noise([r.values for r in runs], [r.turning for r in runs], ())
+        self.noise = learned_noise([r.values for r in runs], ())
         self.noisy: list[UnsoundRun] = []
         self._judged: RunsJudged | None = None
         self.sums: RunSums
@@ -139,7 +139,7 @@ class _Learning:
             freedom += float(np.einsum("ij,ji->", kept, self.sums.gram[k]))
         left = [self.runs[k].values - self.of(k) @ c for k, c in zip(which, own, strict=True)]
         turning = [self.runs[k].turning for k in which]
-        noise = learned_noise(left, turning, self._sharing)
+        noise = learned_noise(left, self._sharing)
         white = noise.whitened_all([self.runs[k] for k in which], [self.of(k) for k in which])
         e = [w.left(c) for w, c in zip(white, own, strict=True)]
         share = np.array([w.known.sum(axis=0) for w in white], dtype=float).sum(axis=0)

@@ -146,9 +146,7 @@ class WhiteRun:
         return np.asarray(self.rows[..., 0] - self.rows[..., 1:] @ coefficients)
 
 
-def learned_noise(
-    left: Sequence[Array], turning: Sequence[Flags], sharing: Sequence[tuple[int, int]]
-) -> LawNoise:
+def learned_noise(left: Sequence[Array], sharing: Sequence[tuple[int, int]]) -> LawNoise:
     """Noise of what recordings leave, each of shape (windows, relations), NaN where there is none.
 
     ``sharing``: pairs of relations, the later one first, that read a sensor in common.

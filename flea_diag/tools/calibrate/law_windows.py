@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flea_diag.configuration.description import compiled_relations, effects_of
 from flea_diag.core.calibration.nominal_trace import voltage_usable
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.likelihood.effect_set import EffectSet
     from flea_diag.core.residuals.parameters import ActuatorParameters
+    from flea_diag.core.residuals.residual_rows import ResidualRows
+
+
+Array = npt.NDArray[np.float64]
 
 
 class WindowItem(NamedTuple):
@@ -66,18 +71,23 @@ class WindowWork:
         known = compiled_relations(self.actuator, self.channels, has_encoder)
         return effects_of(self.actuator, self.faults, known, self.channels)
 
-    def windows(self, item: WindowItem) -> RunWindows:
-        """Windows of a recording; predicted temperatures follow no sensor in it."""
-        effects = self.effects()
+    def formed(self, effects: EffectSet, readings: Array, frozen: bool) -> ResidualRows:
+        """Residuals of a recording, without those that need its voltage where that is bad."""
         rows, counts = effects.residuals, ScanCounts(self.period_s, effects.residuals.smoothing_s)
         bank = ResidualBank(
             self.parameters, effects.relations, period_s=self.period_s, counts=counts
         )
-        readings = item.run.rows
-        formed = bank.step(readings, frozen=True)
+        found = bank.step(readings, frozen=frozen)
         if rows.voltage:
-            good = voltage_usable(readings, formed.values, self.voltage_limit_v, rows, counts)
-            formed.leave_out(~good, rows.needing(rows.voltage))
+            good = voltage_usable(readings, found.values, self.voltage_limit_v, rows, counts)
+            found.leave_out(~good, rows.needing(rows.voltage))
+        return found
+
+    def windows(self, item: WindowItem) -> RunWindows:
+        """Windows of a recording; predicted temperatures follow no sensor in it."""
+        effects = self.effects()
+        readings, rows = item.run.rows, effects.residuals
+        formed = self.formed(effects, readings, frozen=True)
         values = in_motion_only(
             formed.values[:, rows.columns(self.relations)], formed.moving, rows, self.relations
         )
@@ -100,6 +110,7 @@ class WindowWork:
 
     def sharing(self) -> Sequence[tuple[int, int]]:
         """Pairs of relations that read a sensor in common, the later one first."""
-        needs = [set(self.effects().residuals.named[name].needs) for name in self.relations]
+        named = self.effects().residuals.named
+        needs = [set(named[name].needs) for name in self.relations]
         count = range(len(needs))
         return [(later, k) for later in count for k in range(later) if needs[later] & needs[k]]

@@ -14,10 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.calibration.nominal_trace import voltage_usable
 from flea_diag.core.detection.detection import Detector
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
-from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.run_law.fault_columns import FaultColumns
 from flea_diag.core.run_law.run_law import VisibleSize
@@ -48,26 +46,28 @@ class LimitWork:
         """The smallest size of each fault that reaches a limit, shape (faults,); infinite: none."""
         effects = self.windows.effects()
         rows, c, readings = effects.residuals, self.calibration, item.run.rows
-        bank = ResidualBank(c.parameters, effects.relations, period_s=c.period_s, counts=c.counts)
-        formed = bank.step(readings, frozen=False)
-        good = voltage_usable(readings, formed.values, c.voltage_limit_v, rows, c.counts)
-        if rows.voltage:
-            formed.leave_out(~good, rows.needing(rows.voltage))
+        formed = self.windows.formed(effects, readings, frozen=False)
         table = RegressorTable(effects, c.parameters).rows(readings, formed)
         signals = np.nan_to_num(with_neglected(table, effects, c.period_s))
         onset = int(BEFORE * len(readings))
         until = min(len(readings), onset + round(FOLLOWED_S / c.period_s))
         formed = _part(formed, slice(0, until))
         added = self._added(signals[:until], onset)
-        quiet = self._z(formed, rows, np.zeros_like(added[..., 0]))
+        quiet = self._z(formed, rows, self._values(formed, rows, np.zeros_like(added[..., 0])))
+        doubted = self._doubted(rows)
         return np.array([
-            np.inf if column.fault.startswith(self._doubted(rows)) else
-            min(
-                self._by_means(formed, rows, added[..., k], quiet, onset),
-                self._by_shifts(formed, rows, added[..., k], onset),
-            )
+            np.inf if column.fault.startswith(doubted) else
+            self._size(formed, rows, self._values(formed, rows, added[..., k]), quiet, onset)
             for k, column in enumerate(self.faults.columns)
         ])  # fmt: skip
+
+    def _size(
+        self, formed: ResidualRows, rows: ResidualSet, values: Array, quiet: tuple[Array, Array],
+        onset: int,
+    ) -> float:  # fmt: skip
+        """The smallest size that reaches a limit, of residuals that hold one unit of a fault."""
+        by_means = self._by_means(self._z(formed, rows, values), quiet, onset)
+        return min(by_means, self._by_shifts(formed, rows, values, onset))
 
     def _doubted(self, rows: ResidualSet) -> tuple[str, ...]:
         """How faults of a voltage begin that nothing corroborates: it is bad data, not a fault."""
@@ -84,13 +84,13 @@ class LimitWork:
         added[:onset] = 0.0
         return np.asarray(added)
 
-    def _z(self, formed: ResidualRows, rows: ResidualSet, added: Array) -> tuple[Array, Array]:
+    def _z(self, formed: ResidualRows, rows: ResidualSet, values: Array) -> tuple[Array, Array]:
         """Statistics and limits of all residuals, shape (scans, residuals)."""
         c = self.calibration
         detector = Detector(
             rows, c.limits, c.tolerances(), c.tolerance.thermal_rate_k_per_s, counts=c.counts
         )
-        found = detector.step(replace(formed, values=self._values(formed, rows, added)))
+        found = detector.step(replace(formed, values=values))
         return found.z, found.k
 
     def _values(self, formed: ResidualRows, rows: ResidualSet, added: Array) -> Array:
@@ -107,10 +107,9 @@ class LimitWork:
         return np.where(np.isfinite(formed.values), values, np.nan)
 
     def _by_means(
-        self, formed: ResidualRows, rows: ResidualSet, added: Array, quiet: tuple[Array, Array],
-        onset: int,
-    ) -> float:  # fmt: skip
-        z, k = self._z(formed, rows, added)
+        self, found: tuple[Array, Array], quiet: tuple[Array, Array], onset: int
+    ) -> float:
+        z, k = found
         slope = (z - quiet[0])[onset:]
         room = k[onset:] - np.sign(slope) * quiet[0][onset:]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,9 +117,8 @@ class LimitWork:
         return float(np.nanmin(sizes, initial=np.inf))
 
     def _by_shifts(
-        self, formed: ResidualRows, rows: ResidualSet, added: Array, onset: int
+        self, formed: ResidualRows, rows: ResidualSet, values: Array, onset: int
     ) -> float:
-        values = self._values(formed, rows, added)
         reached = [
             _largest_mean(
                 values[onset:, rows.place[s.name]], _counted(formed, rows, s)[onset:], s.window

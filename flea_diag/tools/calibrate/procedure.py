@@ -86,14 +86,12 @@ def learn(
     check_recordings(recordings, model, actuator)
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
     result = _learn(recordings, model.name, relations_of, false_alarms_per_hour, sharing)
-    law = LawOfRecordings.of(result.calibration, actuator, faults, recordings, sharing)
     odd = result.not_nominal
     if odd:
         check_left_out(recordings, odd)
-        kept = [r for r in recordings if r.run.name not in odd]
-        result = _learn(kept, model.name, relations_of, false_alarms_per_hour, sharing)
-        recordings = kept
-        law = LawOfRecordings.of(result.calibration, actuator, faults, kept, sharing)
+        recordings = [r for r in recordings if r.run.name not in odd]
+        result = _learn(recordings, model.name, relations_of, false_alarms_per_hour, sharing)
+    law = LawOfRecordings.of(result.calibration, actuator, faults, recordings, sharing)
     left_out = tuple(LeftOut(name, reason) for name, reason in odd.items())
     digest = description_sha256(actuator)
     calibration = replace(result.calibration, actuator_sha256=digest, left_out=left_out)

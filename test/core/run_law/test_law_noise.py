@@ -38,7 +38,7 @@ def test_learned_noise_whitens_what_it_was_learned_from():
         ))
         for _ in range(10)
     ]  # fmt: skip
-    noise = learned_noise(left, [np.zeros(400, dtype=bool)] * 10, ())
+    noise = learned_noise(left, ())
     assert noise.sigma == pytest.approx([np.sqrt(5.0), 0.1], rel=0.1)
     white = np.concatenate([
         noise.whitened(run_of(entry), np.zeros((400, 2, 0))).rows[..., 0] for entry in left
@@ -63,7 +63,7 @@ def test_what_two_relations_share_is_taken_off_the_later_one():
     rng = np.random.default_rng(3)
     common = rng.standard_normal(3000)
     left = np.column_stack((common, 0.5 * common + 0.1 * rng.standard_normal(3000)))
-    noise = learned_noise([left], [np.zeros(3000, dtype=bool)], [(1, 0)])
+    noise = learned_noise([left], [(1, 0)])
     assert noise.shared[1, 0] == pytest.approx(0.5, abs=0.02)
     assert noise.sigma == pytest.approx([1.0, 0.1], rel=0.1)
 
