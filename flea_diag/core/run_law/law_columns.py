@@ -130,7 +130,8 @@ def _terms(
             gain = float(evaluate(effect.gain, values))
             yield column, (effect.residual, name_of(effect.basis)), gain
     for term in effects.basis_of(parameters).unit_terms:
-        if term.difference not in UNIT_PARAMETERS:
+        # Predictions follow no sensor in a recording: none has lagged behind when it begins.
+        if term.difference not in UNIT_PARAMETERS and term.regressor != ONE:
             column = LawColumn(term.difference, FREE, tolerance[term.difference])
             yield column, (term.residual, term.regressor), term.gain
     yield from _neglected(effects)
