@@ -11,15 +11,18 @@ from typing import Any
 import pytest
 import yaml
 from support.live import ROOT
+from support.verdicts import NOMINAL, group
 
-from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.description import compiled_relations, faults_of
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.messages.joint_state import KURTOSIS
-from flea_diag.wire.records import ChannelTable, Scan
+from flea_diag.wire.messages.verdict_numbers import verdict_numbers
+from flea_diag.wire.records import ChannelTable, Outcome, Scan
 from flea_diag.wire.topics import TOPIC_NAMED
 from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES
 
 FLEA = compiled_relations("actuator.yaml").residuals
+FLEA_FAULTS = faults_of("actuator.yaml", "faults.yaml")
 
 LAYOUTS = ROOT / "config" / "layouts"
 FOXGLOVE = json.loads((LAYOUTS / "foxglove.json").read_text(encoding="utf-8"))
@@ -37,7 +40,9 @@ def wire_names() -> dict[str, tuple[str, ...]]:
     assert tuple(axes) == ACCELEROMETER_AXES
     parts = tuple(f"{row.name}{part}" for row in FLEA.rows for part in ("", "/z", "/threshold"))
     level = (*axes, *(axis + KURTOSIS for axis in axes))
-    return {"sensors/slow": scan.channels, "residual": parts, "vibration_level": level}
+    verdict = verdict_numbers(NOMINAL).names  # of a healthy stand: those that stand first in any
+    names = {"sensors/slow": scan.channels, "residual": parts, "vibration_level": level}
+    return {**names, "verdict_numbers": verdict}
 
 
 def foxglove_paths() -> Iterator[tuple[str, str]]:
@@ -51,7 +56,8 @@ def test_every_foxglove_topic_exists() -> None:
     shown += [c["topicToRender"] for c in FOXGLOVE["configById"].values() if "topicToRender" in c]
     topics = {value.lstrip("/").partition(".")[0] for value in shown}
     assert topics <= set(TOPIC_NAMED)
-    assert {"ambiguity_group", "sensors/slow", "residual", "diagnostics"} <= topics
+    shows = {"ambiguity_group", "verdict_numbers", "sensors/slow", "residual", "diagnostics"}
+    assert shows <= topics
 
 
 def test_every_foxglove_curve_is_the_number_that_its_label_says(
@@ -82,8 +88,11 @@ def test_every_plotjuggler_curve_exists(wire_names: dict[str, tuple[str, ...]]) 
     root = ElementTree.parse(LAYOUTS / "plotjuggler.xml").getroot()
     curves = [curve.attrib["name"] for curve in root.iter("curve")]
     estimates = tuple(f"{name}/estimate" for name in wire_names["sensors/slow"])
+    possible = verdict_numbers(group(Outcome.DETECTED, *FLEA_FAULTS)).names
     known = {**wire_names, "residual": wire_names["residual"] + estimates}
+    known["verdict_numbers"] = possible
     assert curves
+    assert {"/verdict_numbers/outcome/position", "/verdict_numbers/members/position"} <= set(curves)
     for curve in curves:
         topic = next(name for name in known if curve.startswith(f"/{name}/"))
         assert curve.removeprefix(f"/{topic}/").removesuffix("/position") in known[topic], curve

@@ -28,6 +28,7 @@ examples:
   flea export run.csv --stand ./mine -o bags/run             a bag (MCAP) of any recording
   flea export bags/jam -o bags/jam_diagnosed --what diagnosis    a bag with all records of it
   flea export bags/jam -o jam.scn                            scenario of the competitions (DXC)
+  flea export bags/jam -o jam.scn --what diagnosis           with what is diagnosed, over time
 
 Exit status: 0 written, 2 refused.
 """
@@ -91,34 +92,38 @@ def _export(recording: Recording, arguments: argparse.Namespace) -> int:
 
     target: Path = arguments.output
     what, is_bag = arguments.what, not target.suffix
-    if what == DIAGNOSIS and not is_bag:
+    if what == DIAGNOSIS and not is_bag and target.suffix != SCENARIO:
         raise ConfigurationError(
             f"--what {DIAGNOSIS} are records of many kinds, {shown(target.name)} holds a table: "
-            f"name a bag (without an ending), or choose --what {', '.join(TABLES)}"
+            f"name a bag (without an ending) or a scenario ({SCENARIO}), or choose --what "
+            f"{', '.join(TABLES)}"
         )
     if what in TABLES and (is_bag or target.suffix == SCENARIO):
         raise ConfigurationError(
             f"--what {what} is a table: name {target}.csv or {target}.parquet, or choose "
             f"--what {DIAGNOSIS} for a bag"
         )
-    if what == DIAGNOSIS:
+    if what == DIAGNOSIS and is_bag:
         return save_diagnosis(recording, _stand(recording, arguments), target)
-    if what in TABLES:
-        from flea_diag.api.diagnose import diagnose
-
-        result = diagnose(
-            recording, arguments.stand or None, calibration=arguments.calibration, residuals=True
-        )
+    result = None if what == CHANNELS else _diagnosis(recording, arguments, what in TABLES)
+    if result is not None and what in TABLES:
         table = TABLES[what](result)
         table.save(target)
         return table.rows
     if target.suffix == SCENARIO:
-        save_scenario(recording, target)
+        save_scenario(recording, target, result)
     elif is_bag:
         recording.save(target)
     else:
         recording.table.save(target)
     return recording.table.rows
+
+
+def _diagnosis(recording: Recording, arguments: argparse.Namespace, residuals: bool) -> Diagnosis:
+    from flea_diag.api.diagnose import diagnose
+
+    stand, calibration = arguments.stand or None, arguments.calibration
+    return diagnose(recording, stand, calibration=calibration, residuals=residuals)
 
 
 def _stand(recording: Recording, arguments: argparse.Namespace) -> object:

@@ -1,8 +1,10 @@
-"""Scenario files of the diagnosis competitions (DXC): sensors and injected faults over time.
+"""Scenarios of the diagnosis competitions (DXC): sensors, injected faults, diagnoses over time.
 
 One message a line, times in whole milliseconds from the first scan, as the synthetic track of
 the competitions writes them: ``sensors @0 { a = 1.0, b = 2.0 };`` and
 ``faultInjection @5000 isInjection = true, fault = { jam = faulty }, parameters = { size = 0.4 };``
+A diagnosis has the fields of the competitions' message: ``diagnosis @6500 detectionSignal = true,
+isolationSignal = true, candidates = { { weight = 0.97, faults = { jam = faulty } } }, notes = "";``
 """
 
 from __future__ import annotations
@@ -13,20 +15,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flea_diag.errors import visible
 from flea_diag.tools.terminal import write_text
-from flea_diag.wire.records import NEVER_NS, Truth
+from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Candidate, Outcome, Truth
 
 if TYPE_CHECKING:
+    from flea_diag.api.diagnosis import Diagnosis
     from flea_diag.api.recording import Recording
     from flea_diag.api.table import Table
 
 NOMINAL = ("", "nominal")
+ISOLATED = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
+"""Outcomes whose candidates are the last word, as the isolation signal of a diagnosis says."""
 
 Line = tuple[int, str]
 
 
-def save_scenario(recording: Recording, target: Path) -> None:
-    """Write a recording with its truth as a scenario.
+def save_scenario(recording: Recording, target: Path, told: Diagnosis | None = None) -> None:
+    """Write a recording with its truth as a scenario, with the diagnosis where there is one.
 
     Raises
     ------
@@ -37,7 +43,8 @@ def save_scenario(recording: Recording, target: Path) -> None:
     """
     table = recording.table
     faults = sorted(_faults(recording.truth, int(table.attrs["start_ns"])))
-    lines = heapq.merge(faults, _sensors(table), key=lambda line: line[0])
+    verdicts = [] if told is None else list(_diagnoses(told))
+    lines = heapq.merge(faults, _sensors(table), verdicts, key=lambda line: line[0])
     write_text(target, "".join(f"{text}\n" for _, text in lines))
 
 
@@ -63,3 +70,27 @@ def _faults(truths: tuple[Truth, ...], start_ns: int) -> Iterator[Line]:
             f"faultInjection @{at_ms} isInjection = true, fault = {{ {truth.fault} = faulty }}, "
             f"parameters = {{{said}}};",
         )
+
+
+def _diagnoses(told: Diagnosis) -> Iterator[Line]:
+    """One message a change of the candidates or of a signal."""
+    before = ""
+    for group in told.groups:
+        said = _message(group)
+        if said != before:
+            before = said
+            at_ms = round((group.stamp_ns - told.start_ns) / 1e6)
+            notes = visible(group.words).replace('"', "'")
+            yield at_ms, f'diagnosis @{at_ms} {said}, notes = "{notes}";'
+
+
+def _message(group: AmbiguityGroup) -> str:
+    found = ", ".join(map(_candidate, group.members))
+    signals = {"detection": group.episode > 0, "isolation": group.outcome in ISOLATED}
+    told = ", ".join(f"{name}Signal = {str(on).lower()}" for name, on in signals.items())
+    return f"{told}, candidates = {{ {found} }}" if found else f"{told}, candidates = {{ }}"
+
+
+def _candidate(row: Candidate) -> str:
+    weight = f"weight = {row.probability!r}, " if math.isfinite(row.probability) else ""
+    return f"{{ {weight}faults = {{ {row.fault} = faulty }} }}"

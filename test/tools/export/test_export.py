@@ -80,6 +80,32 @@ def test_a_scenario_of_the_competitions(tmp_path: Path) -> None:
     assert lines.index(faults[0]) == 800
 
 
+def test_a_scenario_of_the_competitions_tells_the_diagnosis_too(tmp_path: Path) -> None:
+    """Times, signals and weights are those of the verdicts; a scorer finds them by pattern."""
+    target = tmp_path / "run.scn"
+    assert main(["export", BAG, "-o", str(target), "--what", "diagnosis"]) == 0
+    lines = target.read_text(encoding="utf-8").splitlines()
+    message = re.compile(
+        r"diagnosis @(\d+) detectionSignal = (true|false), isolationSignal = (true|false), "
+        r'candidates = \{ (.*)\}, notes = "[^"]*";'
+    )
+    said = [found for line in lines if (found := message.fullmatch(line))]
+    assert said[0].group(2, 3, 4) == ("false", "false", "")
+    result = fd.diagnose(BAG, residuals=False)
+    first = next(found for found in said if found[2] == "true")
+    assert int(first[1]) == round(
+        1e3 * result.verdicts["time_s"][result.verdicts["episode"] > 0][0]
+    )
+    last = said[-1]
+    assert last[3] == "true"
+    weights = dict(re.findall(r"weight = (\S+), faults = \{ (\w+) = faulty \}", last[4]))
+    assert {v: float(k) for k, v in weights.items()} == {
+        row.fault: row.probability for row in result.group
+    }
+    stamps = [int(re.search(r"@(\d+)", line)[1]) for line in lines]  # type: ignore[index]
+    assert stamps == sorted(stamps)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
