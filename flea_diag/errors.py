@@ -18,13 +18,16 @@ in a terminal, log, console, page or report passes ``visible`` where it goes out
 
 from __future__ import annotations
 
+import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 LONGEST_SHOWN = 80
 """Characters of a value that a message quotes."""
 LONGEST_MESSAGE, LONGEST_END = 1000, 300
 """Characters of a whole message, and of its end where it is longer."""
+LONGEST_LIST = 10_000
+"""Characters in which a word like the wrong one is looked for."""
 LONGEST_INTEGER_BITS = 200
 """Beyond, the digits of a whole number are counted, not written: writing them takes long."""
 
@@ -36,8 +39,12 @@ class FleaError(Exception):
     """
 
     def __str__(self) -> str:
-        """The message; of a longer one the beginning and the end, which says what to do."""
+        """The message; of a longer one the beginning and the end, which says what to do.
+
+        Where it lists what is known, the known word that is like the wrong one comes last.
+        """
         text = super().__str__()
+        text += meant(text[:LONGEST_LIST])
         if len(text) <= LONGEST_MESSAGE:
             return text
         return f"{text[: LONGEST_MESSAGE - LONGEST_END - 5]} ... {text[-LONGEST_END:]}"
@@ -94,6 +101,29 @@ def shown(value: object) -> str:
 
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Categories of Unicode: control, format, surrogate, and separators of lines and paragraphs."""
+
+
+_LIST = re.compile(
+    r"(?:'([^']+)'|(\S+) is unknown)[^']*?"
+    r"(?:known are|choose(?: one)? (?:of|among|from)|nor one of):? ([^;]+)"
+)
+"""A wrong word, quoted or not, and the list of those that are known, as our messages put them."""
+
+
+def meant(text: str) -> str:
+    """The question whether a known word was meant; empty where none is like the wrong one."""
+    found = _LIST.search(text)
+    if found is None or "did you mean" in text:
+        return ""
+    word = nearest(found[1] or found[2], re.findall(r"[^\s,]+", found[3]))
+    return f"; did you mean {word}?" if word else ""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that is most like a mistyped one; empty where none is."""
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(word, list(known), 1, 0.6)), "")
 
 
 def visible(text: str, kept: str = "\n\t") -> str:

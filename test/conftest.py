@@ -8,8 +8,9 @@ import re
 import signal
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import hypothesis
 import pytest
@@ -26,6 +27,13 @@ if os.environ.get("CI"):
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HERE = Path(__file__).resolve().parent
+BY_PIP = frozenset({
+    "lz4", "mcap", "numba", "pywt", "rosbags", "threadpoolctl", "zstandard",
+    "matplotlib", "pandas", "xarray", "pyarrow", "sklearn", "distributed", "jinja2", "tqdm",
+    "nicegui", "starlette", "selenium", "textual", "faultdiagnosistoolbox", "mkdocs",
+    "latex2mathml",
+})  # fmt: skip
+"""Modules that package.xml does not declare: no rosdep key, or an extra."""
 STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", "COLUMNS", "LINES")
 """How variables begin that change what nodes and commands do, and where they look."""
 
@@ -66,6 +74,51 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _place(path: Path) -> int:
     folder = path.relative_to(HERE).parts[0]
     return FIRST.index(folder) if folder in FIRST else len(FIRST)
+
+
+class FileOfTests(pytest.Module):
+    """A file that needs what package.xml cannot declare is skipped, by the name of what is missing.
+
+    So ``colcon test`` runs all that can run with the packages of rosdep alone.
+    """
+
+    def _getobj(self) -> Any:
+        try:
+            return super()._getobj()
+        except self.CollectError as error:
+            found = re.search(r"No module named '(\w+)", str(error))
+            _skip_without(found[1] if found else "", error)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module:
+    """Files of tests of our kind."""
+    return FileOfTests.from_parent(parent, path=module_path)
+
+
+def _skip_without(name: str, error: Exception) -> NoReturn:
+    """Skip where a package that comes by pip alone is missing; all else is an error."""
+    package = name.partition(".")[0]
+    if package not in BY_PIP or find_spec(package) is not None:
+        raise error
+    pytest.skip(f"{package} is not installed: it comes by pip alone", allow_module_level=True)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """Fixtures import late, too."""
+    try:
+        return (yield)
+    except ModuleNotFoundError as error:
+        _skip_without(error.name or "", error)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """So do tests."""
+    try:
+        return (yield)
+    except ModuleNotFoundError as error:
+        _skip_without(error.name or "", error)
 
 
 @pytest.hookimpl(optionalhook=True)

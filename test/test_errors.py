@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from flea_diag.errors import LONGEST_SHOWN, shown
+from flea_diag.errors import LONGEST_MESSAGE, LONGEST_SHOWN, ConfigurationError, shown
 
 
 def nested(width: int, levels: int) -> list[Any]:
@@ -80,3 +80,42 @@ def test_digits_are_counted_where_writing_them_would_take_long() -> None:
 
 def peak_kb() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+NEAR = {
+    "quoted, with what to do": (
+        "stand 'jiont' is not shipped, known are ema, flea, joint; a folder of your own is ./jiont",
+        "; did you mean joint?",
+    ),
+    "an option": (
+        "--fault winding_shot is unknown: choose of jam, winding_short",
+        "winding_short?",
+    ),
+    "neither nor": ("machine 'emma' is neither a YAML file nor one of ema, wing", "mean ema?"),
+    "a key": ("x.yaml: unknown key 'rate_hzz', known are rate_hz, unit", "mean rate_hz?"),
+}
+FAR = (
+    "stand 'none' is not shipped, known are ema, flea, joint",
+    "bags/x: damaged; known are the first 3 scans",
+    "'jam' is unknown, did you mean ham?; choose one of ham, jams",
+)
+
+
+@pytest.mark.parametrize("name", NEAR)
+def test_a_mistyped_word_comes_with_the_one_that_is_known(name: str) -> None:
+    text, end = NEAR[name]
+    said = str(ConfigurationError(text))
+    assert said.startswith(text)
+    assert said.endswith(end)
+
+
+@pytest.mark.parametrize("text", FAR)
+def test_nothing_is_guessed_where_no_word_is_like_it_or_it_was_said_before(text: str) -> None:
+    assert str(ConfigurationError(text)) == text
+
+
+def test_a_long_list_is_cut_and_the_word_is_not() -> None:
+    names = ", ".join(f"channel_{number}_bias" for number in range(200))
+    said = str(ConfigurationError(f"'channel_77_bais' is unknown, choose one of {names}"))
+    assert len(said) <= LONGEST_MESSAGE
+    assert said.endswith("; did you mean channel_77_bias?")

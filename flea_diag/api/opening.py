@@ -8,8 +8,8 @@ from typing import Any
 from flea_diag.api.foreign_recording import foreign_recording
 from flea_diag.api.recording import SENT, Recording, kept, of_bag
 from flea_diag.api.stand_facts import files_of
-from flea_diag.errors import RecordingError
 from flea_diag.tools.bag_url import BagUrl, bag_place, local
+from flea_diag.wire.regular_file import missing
 
 
 def open_recording(
@@ -52,7 +52,7 @@ def open_recording(
         with local(place) as copy:
             return kept(place.name, of_bag(copy, known, namespace).records(SENT), known)
     if not place.exists():
-        raise RecordingError(f"{place} does not exist")
+        raise missing(place)
     found = foreign_recording(place, known, part)
     return found if found is not None else of_bag(place, known, namespace)
 

@@ -14,5 +14,6 @@ EXECUTABLES = {
     "observer": "flea_diag.nodes.observer",
     "player": "flea_diag.nodes.recording.player",
     "recorder": "flea_diag.nodes.recording.recorder",
+    "typed_verdict": "flea_diag.nodes.operator.typed_verdict",
     "web": "flea_diag.nodes.operator.web",
 }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from argparse import ArgumentParser, ArgumentTypeError
+from pathlib import Path
 
 MOST = 1_000_000
 MOST_JOBS = 1024
@@ -20,15 +21,33 @@ def count(text: str) -> int:
     return number
 
 
-def add_json(parser: ArgumentParser, what: str) -> None:
+def add_json(
+    parser: ArgumentParser, what: str, where: str = "on standard output, or to the file OUT"
+) -> None:
     """Declare ``--json``, the same in all commands: alone it prints, with a name it writes."""
     parser.add_argument(
         "--json",
         nargs="?",
         const="-",
+        type=_json_target,
         metavar="OUT",
-        help=f"{what} as JSON: on standard output, or to the file OUT",
+        help=f"{what} as JSON: {where}; put it after the other arguments",
     )
+
+
+def _json_target(text: str) -> str:
+    """Where JSON goes; what was recorded is not to be overwritten by a word in the wrong place."""
+    place = Path(text)
+    if place.is_file() and place.suffix != ".json":
+        raise ArgumentTypeError(
+            f"{text!r} exists and is no .json file: put --json after the other arguments, or name "
+            "another file"
+        )
+    if (place / "metadata.yaml").exists():
+        raise ArgumentTypeError(
+            f"{text!r} is a bag: put --json after the other arguments, or name another file"
+        )
+    return text
 
 
 def add_jobs(parser: ArgumentParser) -> None:

@@ -13,12 +13,11 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from flea_diag import __version__
-from flea_diag.errors import FleaError, line_of, shown
+from flea_diag.errors import FleaError, line_of, nearest, shown
 from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command
 
@@ -110,8 +109,8 @@ _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)", re.DOTAL
 
 def meant(word: str, known: Iterable[str]) -> str:
     """The question whether a similar word was meant; empty without one."""
-    close = get_close_matches(word.partition("=")[0], list(known), 1, 0.6)
-    return f", did you mean {close[0]}?" if close else ""
+    close = nearest(word.partition("=")[0], known)
+    return f", did you mean {close}?" if close else ""
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import os
 import stat
+from itertools import islice
 from pathlib import Path
 from typing import IO
 
-from flea_diag.errors import InputError, RecordingError
+from flea_diag.errors import InputError, RecordingError, nearest
 from flea_diag.wire.command_budget import current
 
+MOST_NAMES = 1000
+"""Of a folder, among which a like one is looked for."""
 # Without O_NONBLOCK a FIFO would be waited for.
 _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 
@@ -41,6 +44,16 @@ def opened(
         os.close(descriptor)
         raise refusal(str(error)) from None
     return os.fdopen(descriptor, "rb")
+
+
+def missing(path: Path) -> RecordingError:
+    """The refusal of a recording that is not there, with what lies beside it under a like name."""
+    folder = path.parent
+    names = [each.name for each in islice(folder.iterdir(), MOST_NAMES)] if folder.is_dir() else []
+    near = nearest(path.name, names)
+    meant = f", did you mean {folder / near}?" if near else ""
+    where = "" if folder.is_dir() else f": there is no folder {folder}"
+    return RecordingError(f"{path} does not exist{where}{meant}")
 
 
 def _check(found: os.stat_result, path: Path, limit_bytes: int | None) -> None:

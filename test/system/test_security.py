@@ -11,6 +11,7 @@ from support.live import ROOT, Process, node
 from flea_diag.configuration.files import config_path
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.run.live_run import discovery
+from flea_diag.wire.messages.typed_verdict import VERDICT
 from flea_diag.wire.topics import TOPICS
 
 PROFILE = config_path("security/loopback.xml")
@@ -98,7 +99,7 @@ def named(profile: ET.Element, kind: str) -> set[str]:
 
 
 def test_every_node_has_a_policy_and_every_topic_in_it_is_ours() -> None:
-    known = {topic.name for topic in TOPICS} | OF_ALL | WAITED_FOR
+    known = {topic.name for topic in TOPICS} | OF_ALL | WAITED_FOR | {VERDICT}
     standard = {"/parameter_events", "/rosout", "/clock"}
     assert sorted(profiles()) == NODES
     for name, profile in profiles().items():
@@ -113,6 +114,7 @@ def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
         topics = {topic.record: topic.name for topic in TOPICS}
         standard = {"/parameter_events", "/rosout", "/clock"}
         writes = {topics[t] for t in declared.publishes} | OF_ALL
+        writes |= {VERDICT} if name == "typed_verdict" else set()
         reads = {topics[t] for t in declared.subscribes}
         reads |= WAITED_FOR if name in WAITING else set()
         assert named(profile, "publish") - standard == writes

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -196,6 +197,22 @@ def test_a_typo_is_blamed_on_the_word_that_is_wrong(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["replay", str(BAGS / "jma")], str(BAGS / "jam")),
+        (["export", str(BAGS / "nominl"), "-o", "x.csv"], str(BAGS / "nominal")),
+        (["replay", str(BAGS / "jam"), "--stand", "jiont"], "joint"),
+        (["simulate", "nominal", "--fault", "winding_shot", "-o", "x"], "winding_short"),
+    ],
+)
+def test_a_name_that_is_not_there_comes_with_a_like_one(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], word: str
+) -> None:
+    assert main(arguments) in (1, 2)  # one of several, or the only one
+    assert f", did you mean {word}" in capsys.readouterr().err.replace(";", ",")
+
+
 def test_the_shell_is_told_what_may_come_next(tmp_path: Path) -> None:
     answer = tmp_path / "answer"
     asked = {"COMP_LINE": "flea repl", "COMP_POINT": "9", "_ARGCOMPLETE": "1"}
@@ -211,6 +228,57 @@ def test_json_is_one_switch(capsys: pytest.CaptureFixture[str], tmp_path: Path) 
     printed = json.loads(capsys.readouterr().out)
     assert main(["replay", str(BAGS / "nominal"), "--json", str(tmp_path / "x.json")]) == 0
     assert json.loads((tmp_path / "x.json").read_text(encoding="utf-8")) == printed
+
+
+def test_every_command_that_tells_something_has_the_switch() -> None:
+    """What is told on standard output is told as JSON, too, everywhere by the same words."""
+    without = {"new", "report", "list", "bench", "learn", "judge", "tree", "train", "bearing"}
+    for parser in _parsers():
+        options = {option: a for a in parser._actions for option in a.option_strings}
+        name = parser.prog.split()[-1]
+        assert ("--json" in options) == (name not in without), parser.prog
+        if "--json" in options:
+            assert (options["--json"].nargs, options["--json"].const) == ("?", "-")
+
+
+def test_json_written_elsewhere_leaves_the_words(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    target = tmp_path / "drawn.json"
+    given = ["scenarios", "table4", "-o", str(tmp_path / "t"), "--json", str(target)]
+    assert main(given) == 0
+    rows = json.loads(target.read_text(encoding="utf-8"))
+    names = {path.stem for path in (tmp_path / "t").glob("*.yaml")}
+    assert {row["scenario"] for row in rows} == names
+    assert any(row["faults"] for row in rows)
+    assert "320 scenarios" in capsys.readouterr().err
+
+
+def test_a_recording_behind_json_is_not_overwritten(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """An option whose value may be left out takes the next word."""
+    table = tmp_path / "run.csv"
+    table.write_text("time_s\n", encoding="utf-8")
+    for given in (
+        ["import", "--json", str(table), str(table), "-o", str(tmp_path / "bags")],
+        ["replay", "--json", str(BAGS / "jam"), str(BAGS / "nominal")],
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(given)
+        assert ended.value.code == 2
+        assert "put --json after the other arguments" in capsys.readouterr().err
+    assert table.read_text(encoding="utf-8") == "time_s\n"
+
+
+def _parsers() -> Iterator[argparse.ArgumentParser]:
+    """Of each command, or of each of its actions."""
+    (parts,) = (
+        a for a in parser_of(commands())._actions if isinstance(a, argparse._SubParsersAction)
+    )
+    for command in parts.choices.values():
+        actions = [a for a in command._actions if isinstance(a, argparse._SubParsersAction)]
+        yield from actions[0].choices.values() if actions else (command,)
 
 
 def test_every_help_has_examples_and_says_how_the_command_ends() -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
 from flea_diag.errors import CalibrationError, ConfigurationError
-from flea_diag.tools.argument import add_cluster, add_jobs
+from flea_diag.tools.argument import add_cluster, add_jobs, add_json
 from flea_diag.tools.bag_url import bag_place
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
@@ -17,7 +16,7 @@ from flea_diag.tools.calibrate.recording_checks import check_signs
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.extra import require
 from flea_diag.tools.stand_option import absolute, accepted_stand, add_stand
-from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
+from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_json, write_text
 from flea_diag.tools.workers import KeptPool
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--actuator", metavar="FILE", help="actuator description (default: that of the stand)"
     )
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
-    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    add_json(parser, "the calibration")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -123,8 +122,10 @@ def run(arguments: argparse.Namespace) -> int:
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
         _draw(found, arguments.plots, arguments.plot_format)
-    report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
-    say(report or calibration_report.words(calibration, found.relations))
+    if arguments.json:
+        write_json(arguments.json, calibration.to_mapping())
+    if arguments.json != "-":
+        say(calibration_report.words(calibration, found.relations))
     if refused:
         warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand
-from flea_diag.tools.terminal import make_folder, progress, say, write_text
+from flea_diag.tools.terminal import make_folder, progress, say, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     add_calibration(parser, "calibration that is completed")
     add_stand(parser)
+    add_json(parser, "scores of the runs, and the limits that they give,")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -79,8 +81,23 @@ def run(arguments: argparse.Namespace) -> int:
     completed = replace(calibration, coverage=coverage).to_mapping()
     make_folder(arguments.output.parent)
     write_text(arguments.output, yaml.safe_dump(completed, sort_keys=False, width=100))
-    say("\n".join(words(coverage, found)))
+    if arguments.json:
+        write_json(arguments.json, _told(coverage, found))
+    if arguments.json != "-":
+        say("\n".join(words(coverage, found)))
     return 0
+
+
+def _told(coverage: GroupCoverage, found: Sequence[CoverageScore]) -> dict[str, Any]:
+    """Scores and limits in nats; None where no limit keeps the fault, or there was no alarm."""
+    limits = {f"{asked:g}": _finite(coverage.limit_nats(asked)) for asked in STATED}
+    rows = [{"fault": each.fault, "nats": _finite(each.nats)} for each in found]
+    counts = {"runs": coverage.runs, "missed": coverage.missed}
+    return {**counts, "limits_nats": limits, "scores": rows}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _scores(cases: Sequence[Case], stand: Stand) -> Iterator[CoverageScore]:

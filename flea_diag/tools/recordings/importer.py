@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import heapq
-import json
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -13,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
-from flea_diag.tools.argument import add_jobs
+from flea_diag.tools.argument import add_jobs, add_json
 from flea_diag.tools.refused import Refused
 from flea_diag.tools.stand_option import add_stand
-from flea_diag.tools.terminal import IN_PART, progress, say, warn, writing
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, writing
 from flea_diag.tools.workers import in_order
 from flea_diag.wire.whole_file import replacing_folder
 
@@ -83,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stand(parser)
     add_jobs(parser)
     parser.add_argument("--force", action="store_true", help="replace existing bags")
-    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    add_json(parser, "the bags with scans, truth and warnings")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -260,9 +259,10 @@ def _imported(flea_run: FleaRun, directory: Path) -> Imported:
     )
 
 
-def _report(done: list[Imported], as_json: bool) -> None:
-    if as_json:
-        say(json.dumps([asdict(each) for each in done], indent=2))
+def _report(done: list[Imported], target: str | None) -> None:
+    if target:
+        write_json(target, [asdict(each) for each in done])
+    if target == "-":
         return
     for each in done:
         onset = "" if each.onset_s is None else f" from {each.onset_s:.2f} s"

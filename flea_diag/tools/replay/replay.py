@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, RecordingError, shown
-from flea_diag.tools.argument import add_cluster, add_jobs
+from flea_diag.tools.argument import add_cluster, add_jobs, add_json
 from flea_diag.tools.bag_url import BagUrl, bag_place, local
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.refused import Refused, refusing
@@ -49,13 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_stand(parser)
     add_calibration(parser)
-    parser.add_argument(
-        "--json",
-        nargs="?",
-        const="-",
-        metavar="OUT",
-        help="the summaries as JSON: on standard output, to the file OUT (several bags as a list), "
-        "or one file per bag to the folder OUT",
+    add_json(
+        parser,
+        "the summaries",
+        "on standard output, to the file OUT (several bags as a list), or one file per bag to the "
+        "folder OUT/",
     )
     parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
     add_jobs(parser)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
-from flea_diag.tools.terminal import make_folder, progress, say, write_text
+from flea_diag.tools.argument import add_json
+from flea_diag.tools.terminal import make_folder, progress, say, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--bags", action="store_true", help="simulate each scenario into DIR/bags")
     parser.add_argument("--no-vibration", action="store_true", help="bags without vibration")
+    add_json(parser, "the scenarios with their faults")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,7 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
     say(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
     if arguments.bags:
         _write_bags(scenarios, arguments.output / "bags", vibration=not arguments.no_vibration)
+    if arguments.json:
+        write_json(arguments.json, [_told(scenario) for scenario in scenarios])
     return 0
+
+
+def _told(scenario: Scenario) -> dict[str, Any]:
+    faults = [{"fault": each.fault, "onset_s": each.onset_s} for each in scenario.faults]
+    return {"scenario": scenario.run.name, "seed": scenario.run.seed, "faults": faults}
 
 
 def write_files(scenarios: tuple[Scenario, ...], folder: Path) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import FleaError, RecordingError
-from flea_diag.tools.terminal import IN_PART, progress, say, warn
+from flea_diag.tools.argument import add_json
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RECORDING",
         help="healthy runs: bags, or files that its channels.yaml describes",
     )
-    parser.add_argument("--json", action="store_true", help="print the page as JSON")
+    add_json(parser, "the page")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,7 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
     require_accepted(stand)
     motions, refused = _read(arguments.recordings, stand)
     page = stand_page(stand, motions)
-    say(json.dumps(as_mapping(page), indent=2) if arguments.json else as_text(page))
+    if arguments.json:
+        write_json(arguments.json, as_mapping(page))
+    if arguments.json != "-":
+        say(as_text(page))
     for words in page.problems:
         warn(words)
     return IN_PART if refused or page.problems else 0

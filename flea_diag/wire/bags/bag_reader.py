@@ -23,6 +23,7 @@ from flea_diag.wire.bags.sqlite_source import SqliteSource
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
+from flea_diag.wire.regular_file import missing
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
 BLOCK_SCANS = 2048
@@ -249,7 +250,7 @@ def sources_of(path: Path, losses: list[str], stated: dict[str, int] | None = No
             return [SqliteSource(path.parent, _of_sqlite([path.name]))]
         return [McapScan(path)]
     if not path.exists():
-        raise RecordingError(f"{path} does not exist")
+        raise missing(path)
     refuse_closed(path)
     known = described(path, losses) or BagDescription()
     if stated is not None:

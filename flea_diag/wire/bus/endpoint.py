@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError
 from flea_diag.wire.bus import qos
 from flea_diag.wire.bus.declared import Declared
-from flea_diag.wire.bus.foreign_topic import subscribe_foreign
+from flea_diag.wire.bus.foreign_topic import advertise_foreign, subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.publishers import Publishers
@@ -263,6 +263,16 @@ class Bus(NodeLog, Generic[P]):
                 take(content)
 
         subscribe_foreign(self._node, topic, message, received)
+
+    def advertise_foreign(self, topic: str, message: str) -> Callable[[Mapping[str, Any]], None]:
+        """Publish on a topic of any installed type, while active: a function of its fields."""
+        publish = advertise_foreign(self._node, topic, message)
+
+        def spoken(values: Mapping[str, Any]) -> None:
+            if self.speaks:
+                publish(values)
+
+        return spoken
 
     # -- timers, services
 

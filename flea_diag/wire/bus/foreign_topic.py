@@ -1,12 +1,12 @@
-"""Subscription to a topic of any message type that is installed."""
+"""Topics of any message type that is installed: read, and written."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from flea_diag.wire.bus import qos
-from flea_diag.wire.bus.remote.remote_service import interface
+from flea_diag.wire.bus.remote.remote_service import filled, interface
 
 DEPTH = 100
 """Queue length: a driver's burst is taken whole."""
@@ -38,3 +38,20 @@ def subscribe_foreign(ros_node: Any, topic: str, message: str, take: Callable[[A
         qos.of_sensor_data(DEPTH),
         qos_overriding_options=qos.overriding(),
     )
+
+
+def advertise_foreign(
+    ros_node: Any, topic: str, message: str
+) -> Callable[[Mapping[str, Any]], None]:
+    """A latched publisher: a function that publishes a message with these fields.
+
+    Raises
+    ------
+    ConfigurationError
+        The type is not installed.
+    """
+    kind = interface(message)
+    publisher = ros_node.create_publisher(
+        kind, topic, qos.reliable(1, latched=True), qos_overriding_options=qos.overriding()
+    )
+    return lambda values: publisher.publish(filled(kind, values))

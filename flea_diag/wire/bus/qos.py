@@ -9,13 +9,18 @@ from flea_diag.wire.topics import Topic
 
 def of_topic(topic: Topic, depth: int) -> Any:
     """Reliable, and of a latched topic the last one for late joiners."""
+    return reliable(depth, topic.latched)
+
+
+def reliable(depth: int, latched: bool) -> Any:
+    """Reliable, and where it is latched so many for late joiners."""
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 
 

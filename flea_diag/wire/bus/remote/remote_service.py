@@ -57,7 +57,7 @@ class RemoteService:
 def filled(kind: Any, values: Mapping[str, Any]) -> Any:
     """A message of this class with those of the values that it has a field for.
 
-    Releases differ in their fields. A sequence of messages is given as mappings.
+    Releases differ in their fields. A message within is given as a mapping, a sequence as several.
     """
     types = kind.get_fields_and_field_types()
     message = kind()
@@ -66,5 +66,7 @@ def filled(kind: Any, values: Mapping[str, Any]) -> Any:
         value = values[name]
         if found is not None and "/" in found[1]:
             value = [filled(interface(found[1]), item) for item in value]
+        elif isinstance(value, Mapping):
+            value = filled(interface(types[name]), value)
         setattr(message, name, value)
     return message

@@ -1,6 +1,6 @@
 """The Python interface: import, first verdict, and a million rows against the replay of their bag.
 
-    .venv/bin/python bench/load/python_interface.py --rows 1000000 --json python.json
+    scripts/bench python
 
 Import and first verdict are measured in processes of their own, from a warm cache. The rows are a
 nominal recording run to and fro; the bag holds the same ones.
@@ -40,7 +40,9 @@ CLOCKS = {"s": "time.perf_counter", "s of CPU": "time.process_time"}
 def in_a_process(code: str, clock: str) -> list[float]:
     """Seconds that the code takes in each of some processes, the first of which is not counted."""
     command = [sys.executable, "-c", (IMPORT + code + TOOK).replace("CLOCK", clock)]
-    environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1]), "OPENBLAS_NUM_THREADS": "1"}
+    places = HERE.parent / "without_tests", HERE.parents[1]  # as installed: see bench_replay.py
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    environment |= {"PYTHONPATH": os.pathsep.join(map(str, places)), "OPENBLAS_NUM_THREADS": "1"}
     done = [
         subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         for _ in range(TURNS + 1)

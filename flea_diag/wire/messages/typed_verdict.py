@@ -1,0 +1,51 @@
+"""A verdict as the fields of ``flea_diag_msgs/msg/Verdict``, for workspaces that want types.
+
+The package that is installed makes the message of them (``wire/bus/foreign_topic.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flea_diag.wire.messages.verdict_numbers import NUMBER_OF
+from flea_diag.wire.records import OUTCOME_LEVEL, AmbiguityGroup, Candidate
+
+VERDICT, TYPE = "verdict", "flea_diag_msgs/msg/Verdict"
+SECOND_NS = 1_000_000_000
+
+
+def typed_verdict(group: AmbiguityGroup) -> Mapping[str, Any]:
+    """Fields of the message; of a summary without its hypotheses ``dropped`` is empty."""
+    return {
+        "header": {"stamp": _time(group.stamp_ns)},
+        "outcome": NUMBER_OF[group.outcome],
+        "level": int(OUTCOME_LEVEL[group.outcome]),
+        "stale": group.stale,
+        "live": group.source == "live",
+        "episode": group.episode,
+        "step": group.step,
+        "detected": _time(group.detected_stamp_ns),
+        "words": group.words,
+        "calibration_sha256": group.calibration_sha256,
+        "members": [_fault(member) for member in group.members],
+        "dropped": [_fault(each) for each in group.dropped],
+        "not_observable": [fault for fault, _ in group.not_observable],
+    }
+
+
+def _time(stamp_ns: int) -> Mapping[str, int]:
+    seconds, rest = divmod(max(stamp_ns, 0), SECOND_NS)  # never is 0
+    return {"sec": seconds, "nanosec": rest}
+
+
+def _fault(row: Candidate) -> Mapping[str, Any]:
+    return {
+        "fault": row.fault,
+        "hypothesis": row.hypothesis,
+        "probability": row.probability,
+        "size": row.size,
+        "size_sigma": row.size_sigma,
+        "size_unit": row.size_unit,
+        "reason": row.reason,
+    }
