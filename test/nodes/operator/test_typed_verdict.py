@@ -61,7 +61,7 @@ def test_every_field_of_the_message_is_filled() -> None:
 
 LISTENER = """
 import json, rclpy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from flea_diag_msgs.msg import Verdict
 
 def said(told):
@@ -77,7 +77,9 @@ def said(told):
 
 rclpy.init()
 node = rclpy.create_node("listener")
-node.create_subscription(Verdict, "verdict", said, QoSProfile(depth=10))
+latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+node.create_subscription(Verdict, "verdict", said, latched)
+print("listening", flush=True)
 rclpy.spin(node)
 """
 
@@ -91,6 +93,7 @@ def test_who_listens_reads_the_verdict_by_its_fields(types: Path, domain: int) -
         Process(node(MODULE), domain, **places) as process,
     ):
         process.wait_for(f"as {TYPE} on verdict")
+        listener.wait_for("listening")
         peer.bus.publish(FOUND.hypotheses())
         peer.bus.publish(replace(FOUND, summary=True, dropped=(), dropped_count=2))
         dropped = json.dumps([row.fault for row in FOUND.dropped])
