@@ -1,4 +1,8 @@
-"""Pictures of kept results, as SVG text: shares with their intervals, and ladders of sizes."""
+"""Pictures of kept results, as SVG text.
+
+Shares with their intervals, detection over the size of a fault, how often the group held the
+fault, and what grows or shrinks with the number of recordings of a calibration.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,21 @@ _RUNG = re.compile(r"(?P<size>[^:]+): (?P<seen>\d+)(?: of (?P<of>\d+))?(?: \((?P
 _EACH = re.compile(r"of (\d+) (?:cases |runs )?at each size")
 
 
+_GROWN = re.compile(r"(?:(?P<what>.+), )?(?P<count>\d+) recordings(?:: (?P<more>.+))?")
+COVERED = "in the group"
+"""How the name of a row ends that says how often the fault was in the group."""
+FEWEST_STEPS = 3
+
+
+class Grown(NamedTuple):
+    """A value at so many recordings, with its range."""
+
+    count: int
+    value: float
+    low: float
+    high: float
+
+
 class Rung(NamedTuple):
     """Shares at one size of a fault."""
 
@@ -34,12 +53,30 @@ def plots(kept: KeptResult) -> dict[str, str]:
     """End of a file's name -> its picture; nothing where a table says it all."""
     found = {}
     shares = [row for row in kept.rows if row.right is not None and row.count]
+    covered = [row for row in shares if row.name.endswith(COVERED)]
     if FEWEST <= len(shares) <= MOST:
         found["shares"] = share_plot(kept.title, shares)
+    elif FEWEST <= len(covered) <= MOST:
+        found["coverage"] = share_plot(f"{kept.title}: coverage", covered)
+    if grown := growth(kept):
+        found["growth"] = growth_plot(kept.title, grown)
     ladders = {row.name: rungs for row in kept.rows if len(rungs := ladder(row, kept)) > 1}
     if ladders:
         found["sizes"] = ladder_plot(kept.title, ladders)
     return found
+
+
+def growth(kept: KeptResult) -> dict[str, tuple[Grown, ...]]:
+    """Name with its unit -> values over the number of recordings, where there are three or more."""
+    found: dict[str, list[Grown]] = {}
+    for row in kept.rows:
+        name = _GROWN.fullmatch(row.name)
+        if name and row.value is not None:
+            what = ", ".join(filter(None, (name["what"], name["more"])))
+            low, high = (row.value if end is None else end for end in (row.low, row.high))
+            step = Grown(int(name["count"]), row.value, low, high)
+            found.setdefault(f"{what} [{row.unit}]", []).append(step)
+    return {what: tuple(rows) for what, rows in found.items() if len(rows) >= FEWEST_STEPS}
 
 
 def ladder(row: KeptRow, kept: KeptResult) -> tuple[Rung, ...]:
@@ -86,6 +123,38 @@ def ladder_plot(title: str, ladders: dict[str, tuple[Rung, ...]]) -> str:
     for x, colour, words in ((20, BLUE, "detected"), (160, ORANGE, "right")):
         parts += [_line(x, y - 4, x + 24, y - 4, colour, 2.0), _text(x + 30, y, words)]
     return _svg(f"{title}: shares over the size of the fault", WIDTH, y + 10, parts)
+
+
+def growth_plot(title: str, grown: dict[str, tuple[Grown, ...]]) -> str:
+    """For each quantity a panel: its value and range over the number of recordings."""
+    count = -(-len(grown) // PANEL_COLUMNS)
+    parts: list[str] = []
+    for number, (name, steps) in enumerate(grown.items()):
+        left = 4 + PANEL_WIDTH * (number % PANEL_COLUMNS)
+        parts += _grown_panel(name, steps, left, PANEL_HEIGHT * (number // PANEL_COLUMNS))
+    y = PANEL_HEIGHT * count + 8
+    parts.append(_text(20, y, "over the number of recordings; lines: the range where one is kept"))
+    return _svg(f"{title}: over the number of recordings", WIDTH, y + 10, parts)
+
+
+def _grown_panel(name: str, steps: tuple[Grown, ...], left: float, top: float) -> Iterator[str]:
+    low, high, right = top + PANEL_HEIGHT - 30, top + 26, left + PANEL_WIDTH - 20
+    step = (right - left - 36) / max(len(steps) - 1, 1)
+    most = max(each.high for each in steps) or 1.0
+    places = [(left + 30 + k * step, each) for k, each in enumerate(steps)]
+
+    def y(value: float) -> float:
+        return low - max(value, 0.0) / most * (low - high)
+
+    yield _text(left + 10, top + 14, _short(name, 36))
+    yield f'<path d="M{left + 10:.1f} {high:.1f}V{low:.1f}H{right + 6:.1f}" {_stroke(GREY, 1.0)}/>'
+    yield _text(left + 14, high + 4, f"{most:.3g}")
+    points = " ".join(f"{x:.1f},{y(each.value):.1f}" for x, each in places)
+    yield f'<polyline points="{points}" {_stroke(BLUE, 2.0)}/>'
+    for x, each in places:
+        yield _line(x, y(each.low), x, y(each.high), ORANGE, 1.5)
+        yield f'<circle cx="{x:.1f}" cy="{y(each.value):.1f}" r="3"/>'
+        yield _text(x, low + 16, str(each.count), "middle")
 
 
 def _panel(name: str, rungs: tuple[Rung, ...], left: float, top: float) -> Iterator[str]:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -118,6 +119,26 @@ def test_pictures_show_what_the_tables_say(tree: Path) -> None:
     ladders = json.loads((KEPT / "severity.json").read_text(encoding="utf-8"))["rows"]
     assert sizes.count("<polyline") == 2 * len(ladders)
     assert "![" in page(tree, "real")
+
+
+def test_a_picture_of_growing_calibrations_has_each_value_at_its_place(tree: Path) -> None:
+    command("results", "--root", tree)
+    growth = (tree / "docs" / "results" / "plots" / "law_score_growth.svg").read_text("utf-8")
+    rows = json.loads((KEPT / "law_score.json").read_text(encoding="utf-8"))["rows"]
+    counted: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        if found := re.fullmatch(r"(.+), (\d+) recordings", row["name"]):
+            counted.setdefault(found[1], []).append(row)
+    series = [each for each in counted.values() if len(each) > 2]
+    assert len(series) > 3
+    assert growth.count("<polyline") >= len(series)
+    assert growth.count("<circle") >= sum(map(len, series))
+    # The first panel: its bottom is 0, its top the largest end of a range.
+    top, bottom = 26.0, 100.0
+    most = max(row["high"] for row in series[0])
+    ys = [float(y) for y in re.findall(r'cy="([\d.]+)"', growth)][: len(series[0])]
+    wanted = [bottom - row["value"] / most * (bottom - top) for row in series[0]]
+    assert ys == pytest.approx(wanted, abs=0.06)
 
 
 @pytest.mark.parametrize(
