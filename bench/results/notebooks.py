@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
-NAMES = ("csv_to_diagnosis", "calibration", "own_diagnoser")
+NAMES = ("csv_to_diagnosis", "calibration", "own_diagnoser", "remaining_life")
 """Those that need nothing but flea_diag with its extras."""
 DPI = 72
 
