@@ -136,10 +136,10 @@ class Recording:
         RecordingError
             The folder exists, or cannot be written.
         """
-        from flea_diag.wire.bags.bag import BagWriter
+        from flea_diag.wire.bags.new_bag import new_bag
 
         place, log_ns = Path(folder), 0
-        with BagWriter(place, whole_every_s=None) as bag:
+        with new_bag(place) as bag:
             for record in self.records(SENT):
                 for each in record.records() if isinstance(record, ScanBlock) else (record,):
                     log_ns = max(log_ns, each.stamp_ns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
@@ -72,6 +73,33 @@ def replacing_folder(path: Path) -> Iterator[Path]:
             raise
     finally:
         shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A folder that is whole once the block ends, or is not there at all.
+
+    An empty one may be a place that others hold, such as a mount: it is filled, and emptied again
+    of what is raised.
+
+    Raises
+    ------
+    OSError
+        Something is there already, or the folder cannot be made.
+    """
+    if not path.exists():
+        with replacing_folder(path.absolute()) as fresh:
+            fresh.mkdir()
+            yield fresh
+        return
+    if not path.is_dir() or any(path.iterdir()):
+        raise FileExistsError(errno.EEXIST, "exists and is not empty", str(path))
+    try:
+        yield path
+    except BaseException:
+        for left in path.iterdir():
+            left.unlink()
+        raise
 
 
 def _beside(path: Path) -> Path:

@@ -15,6 +15,7 @@ from flea_diag.wire.bags.bag_layout import TopicEntry
 from flea_diag.wire.bags.bag_segment import BagSegment
 from flea_diag.wire.bags.mcap_message import Channel, McapMessage
 from flea_diag.wire.bags.mcap_scan import McapScan
+from flea_diag.wire.whole_file import new_folder
 from flea_diag.wire.yaml_text import parse_yaml
 
 
@@ -36,7 +37,7 @@ def recover(source: Path, target: Path) -> Recovered:
         There is no MCAP file or no intact message, or the target is in use.
     """
     scans = [McapScan(file) for file in mcap_files(source)]
-    with _Copy(target) as copy:
+    with _writing(target), new_folder(target) as fresh, _Copy(fresh) as copy:
         for message in merged(scans):
             copy.write(message)
         if not copy.counts:
@@ -73,61 +74,51 @@ def merged(scans: list[McapScan]) -> Iterator[McapMessage]:
 
 
 class _Copy:
-    """A new bag, created with its first message so that no empty bag is left."""
+    """A bag in a new folder."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._topics: dict[str, TopicEntry] = {}
-        self._segment: BagSegment | None = None
+        self._segment = BagSegment(directory / f"{directory.resolve().name}_0.mcap")
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages copied so far, by topic."""
-        return {} if self._segment is None else self._segment.span.counts
-
-    def _opened(self) -> BagSegment:
-        if self._segment is None:
-            self._directory.mkdir(parents=True, exist_ok=True)
-            if any(self._directory.iterdir()):
-                raise RecordingError(f"{self._directory} is not empty: choose another with -o")
-            name = f"{self._directory.resolve().name}_0.mcap"
-            self._segment = BagSegment(self._directory / name)
-        return self._segment
+        return self._segment.span.counts
 
     def write(self, message: McapMessage) -> None:
         """Copy one message."""
         if message.channel.topic not in self._topics:
             self._topics[message.channel.topic] = _entry(message.channel)
-        with self._writing():
-            self._opened().copy(message)
+        self._segment.copy(message)
 
     def attach(self, name: str, data: bytes) -> None:
         """Copy one attachment."""
-        with self._writing():
-            self._opened().attach(name, data)
+        self._segment.attach(name, data)
 
     def finish(self) -> None:
         """Write summary, index and metadata.yaml."""
-        with self._writing():
-            segment = self._opened()
-            content = layout.metadata([(segment.path.name, segment.span)], self._topics)
-            segment.finish(yaml.safe_dump(content, sort_keys=False))
-            layout.replace_metadata(self._directory, content)
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            words = error.strerror or error
-            raise RecordingError(f"cannot write bag {self._directory}: {words}") from error
+        segment = self._segment
+        content = layout.metadata([(segment.path.name, segment.span)], self._topics)
+        segment.finish(yaml.safe_dump(content, sort_keys=False))
+        layout.replace_metadata(self._directory, content)
 
     def __enter__(self) -> _Copy:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._segment is not None:
-            self._segment.close()
+        self._segment.close()
+
+
+@contextmanager
+def _writing(target: Path) -> Iterator[None]:
+    """Whatever keeps the bag from being written, in one line."""
+    try:
+        yield
+    except FileExistsError:
+        raise RecordingError(f"{target} is not empty: choose another with -o") from None
+    except OSError as error:
+        raise RecordingError(f"cannot write bag {target}: {error.strerror or error}") from error
 
 
 def _entry(channel: Channel) -> TopicEntry:

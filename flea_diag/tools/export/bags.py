@@ -9,7 +9,7 @@ from flea_diag.api.recording import SENT, Recording
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand
 from flea_diag.tools.replay.replay import diagnosed
-from flea_diag.wire.bags.bag import BagWriter
+from flea_diag.wire.bags.new_bag import new_bag
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, Record, VibrationBlock
 
@@ -28,7 +28,7 @@ def save_diagnosis(recording: Recording, stand: Any, target: Path) -> int:
     """
     assert isinstance(stand, Stand)
     count, log_ns = 0, 0
-    with BagWriter(target, stand=stand.name, whole_every_s=None) as bag:
+    with new_bag(target, stand.name) as bag:
         for record in diagnosed(recording.records(SENT), make_pipeline(stand)):
             for each in _single(record):
                 log_ns = max(log_ns, each.stamp_ns)

@@ -203,13 +203,13 @@ def write_recording(recording: FleaRun | MappedRecording, directory: Path, stand
     Log times never decrease, so that the order of the file is kept.
     """
     with writing(directory), replacing_folder(directory) as fresh:
-        _write(recording, fresh, stand)
+        _write(recording, fresh, directory, stand)
 
 
-def _write(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
+def _write(recording: FleaRun | MappedRecording, fresh: Path, directory: Path, stand: str) -> None:
     from flea_diag.wire.bags.bag import BagWriter
 
-    with BagWriter(directory, stand=stand, whole_every_s=None) as bag:
+    with BagWriter(fresh, stand=stand, whole_every_s=None, called=directory) as bag:
         bag.write(recording.channel_table())
         truth = recording.truth()
         if truth is not None:

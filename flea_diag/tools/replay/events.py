@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -107,19 +108,21 @@ def write(target: Path, found: Iterable[Event]) -> None:
     from flea_diag.wire.bags.bag_segment import BagSegment
     from flea_diag.wire.messages.log import LOG, encode_log
     from flea_diag.wire.topics import Topic
+    from flea_diag.wire.whole_file import new_folder
 
     topic = Topic(Event, TOPIC, LOG, 1000, False, 0)
     try:
-        target.mkdir(parents=True)
-        segment = BagSegment(target / f"{target.resolve().name}_0.mcap")
-        for event in found:
-            data = encode_log(*event)
-            segment.add(f"/{TOPIC}", topic, data, event.stamp_ns, event.stamp_ns)
-        content = layout.metadata(
-            [(segment.path.name, segment.span)], {f"/{TOPIC}": layout.entry_of(topic)}
-        )
-        segment.finish(yaml.safe_dump(content, sort_keys=False))
-        layout.replace_metadata(target, content)
+        with new_folder(target) as fresh:
+            segment = BagSegment(fresh / f"{fresh.resolve().name}_0.mcap")
+            with closing(segment):
+                for event in found:
+                    data = encode_log(*event)
+                    segment.add(f"/{TOPIC}", topic, data, event.stamp_ns, event.stamp_ns)
+                content = layout.metadata(
+                    [(segment.path.name, segment.span)], {f"/{TOPIC}": layout.entry_of(topic)}
+                )
+                segment.finish(yaml.safe_dump(content, sort_keys=False))
+            layout.replace_metadata(fresh, content)
     except FileExistsError:
         raise RecordingError(f"{target} exists: choose another with -o") from None
     except OSError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 import time
 from dataclasses import replace
@@ -134,32 +133,12 @@ def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     RecordingError
         The folder is in use, or the disk is full.
     """
-    free = _is_free(directory)
-    try:
-        return _written(scenario, directory)
-    except Exception:
-        if free:
-            shutil.rmtree(directory, ignore_errors=True)
-        raise
-
-
-def _is_free(directory: Path) -> bool:
-    """Whether nothing of somebody else's is there."""
-    try:
-        return not any(directory.iterdir())
-    except FileNotFoundError:
-        return True
-    except OSError:
-        return False
-
-
-def _written(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
-    from flea_diag.wire.bags.bag import BagWriter
+    from flea_diag.wire.bags.new_bag import new_bag
     from flea_diag.wire.records import Truth
     from flea_sim_driver.stand import SimulatedStand
 
     truths = []
-    with BagWriter(directory, whole_every_s=None) as bag:
+    with new_bag(directory) as bag:
         for record in SimulatedStand(scenario):
             bag.write(record)
             if isinstance(record, Truth):

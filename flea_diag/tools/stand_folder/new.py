@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.tools.argument import positive
-from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
+from flea_diag.tools.terminal import IN_PART, say, warn, writing
+from flea_diag.wire.whole_file import new_folder
 
 if TYPE_CHECKING:
     from flea_diag.tools.stand_folder.channel_choice import GivenChannel
@@ -130,9 +131,9 @@ def _given(said: list[str]) -> dict[str, GivenChannel]:
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:
-    make_folder(folder)
-    for name, text in texts.items():
-        write_text(folder / name, text)
+    with writing(folder), new_folder(folder) as fresh:
+        for name, text in texts.items():
+            (fresh / name).write_text(text, encoding="utf-8")
 
 
 def _print(folder: Path, recording: Path, found: StandProposal) -> None:

@@ -190,7 +190,12 @@ def _topic_metadata(name: str, entry: TopicEntry) -> dict[str, Any]:
     }
 
 
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""The one in C where libyaml is there: a recorder writes its metadata twice a second."""
+
+
 def replace_metadata(directory: Path, content: dict[str, Any]) -> None:
     """Replace metadata.yaml atomically: a reader sees either the old or the new content."""
-    text: str = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+    named = {"rosbag2_bagfile_information": content}
+    text: str = yaml.dump(named, Dumper=_DUMPER, sort_keys=False)
     replace_file(directory / METADATA_FILE, text.encode(), durable=True)

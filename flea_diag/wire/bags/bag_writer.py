@@ -55,6 +55,8 @@ class BagWriter:
         so that equal records give equal bytes.
     split
         When to start a new file; a full file is finished with its index.
+    called
+        Name of the bag in errors, where it is moved once it is whole.
 
     Raises
     ------
@@ -70,8 +72,10 @@ class BagWriter:
         stand: str = "stand",
         whole_every_s: float | None = 1.0,
         split: BagSplit = BagSplit(),
+        called: Path | None = None,
     ) -> None:
         self.directory = Path(directory)
+        self._called = called or self.directory
         self.stand = stand
         self._namespace = layout.checked_namespace(namespace)
         self._whole_every_s = whole_every_s
@@ -111,7 +115,7 @@ class BagWriter:
             raise self._refusal(error) from error
 
     def _refusal(self, error: OSError) -> RecordingError:
-        return RecordingError(f"cannot write bag {self.directory}: {error.strerror or error}")
+        return RecordingError(f"cannot write bag {self._called}: {error.strerror or error}")
 
     def write(self, record: Record, log_ns: int | None = None) -> None:
         """Write a record; ``log_ns`` is its time of receipt (default: its own stamp)."""

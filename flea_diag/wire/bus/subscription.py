@@ -75,7 +75,7 @@ class Subscription:
         def received(data: bytes, number: int | None) -> None:
             # A hundred times a second: every further call is paid for with cold caches.
             try:
-                if gate is not None and not gate.admits(number):
+                if gate is not None and not gate.admits(number, data):
                     self._leave(sources)
                     return
                 lost = missing.before(number)
