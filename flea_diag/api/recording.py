@@ -136,7 +136,7 @@ class Recording:
         RecordingError
             The folder exists, or cannot be written.
         """
-        from flea_diag.wire.bags.new_bag import new_bag
+        from flea_diag.wire.bags.bag_writer import new_bag
 
         place, log_ns = Path(folder), 0
         with new_bag(place) as bag:

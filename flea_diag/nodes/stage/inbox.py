@@ -1,7 +1,8 @@
 """Messages that wait for their turn: in blocks (``batch_ms``), or beside those of other stands.
 
 Taking a message costs microseconds, judging it a hundred times that. A stand that sends too much
-therefore fills its own inbox, and takes no more than its turns from the others in its process.
+therefore fills its own inbox, and takes no more than its turns from the others in its process: a
+turn and an inbox hold a number of messages and of bytes.
 """
 
 from __future__ import annotations
@@ -21,8 +22,13 @@ from flea_diag.wire.topics import TOPIC_OF
 
 TURN = 16
 """Messages of one turn, at most: some 5 ms."""
+TURN_BYTES = 100_000
+"""Bytes after which a turn takes no further message: large ones take longer."""
 MOST_WAITING = 100
 """Messages of one topic that may wait, where its own queue is not longer."""
+MOST_BYTES = 16_000_000
+"""Of one stand that may wait together: 5 s of six axes at 100 kHz."""
+MEGABYTE = 1e6
 
 
 class Turns:
@@ -72,7 +78,9 @@ class Turns:
 class Inbox:
     """What has arrived for one stage, in order of arrival, undecoded.
 
-    A topic whose messages wait in full number loses those that come then; they are counted.
+    A topic whose messages wait in full number loses those that come then, and so does a stand whose
+    messages are too large for what it may have waiting; both are counted. What waits is given back
+    with each turn.
 
     Parameters
     ----------
@@ -97,6 +105,8 @@ class Inbox:
         self._take, self._take_block = take, take_block
         self._waiting: deque[tuple[type, bytes]] = deque()
         self._counts: Counter[type] = Counter()
+        self._bytes = 0
+        """Of all that waits."""
         self._asked = False
         self._handle = bus.guarded(self._handle_some)
         bus.on("deactivate", self._clear)
@@ -106,17 +116,29 @@ class Inbox:
         self._bus.subscribe_raw(record_type, partial(self._put, record_type))
 
     def _put(self, record_type: type, data: bytes) -> None:
-        most = max(MOST_WAITING, TOPIC_OF[record_type].depth)
-        if self._counts[record_type] >= most:
+        full = self._full(record_type, len(data))
+        if full:
             self._bus.streams[record_type].lost += 1
-            name = TOPIC_OF[record_type].name
-            self._bus.warn(f"{name}: {most} messages wait, more are lost: sent too fast")
+            self._bus.warn(f"{TOPIC_OF[record_type].name}: {full}")
             return
         self._counts[record_type] += 1
+        self._bytes += len(data)
         self._waiting.append((record_type, data))
         if not self._asked:
             self._asked = True
             self._turns.ask(self)
+
+    def _full(self, record_type: type, size: int) -> str:
+        """Why a message of this size finds no place; empty: it does."""
+        most = max(MOST_WAITING, TOPIC_OF[record_type].depth)
+        if self._counts[record_type] >= most:
+            return f"{most} messages wait, more are lost: sent too fast"
+        if self._bytes + size <= MOST_BYTES:
+            return ""
+        return (
+            f"a message of {size / MEGABYTE:.1f} MB is lost: with it more than the "
+            f"{MOST_BYTES / MEGABYTE:.0f} MB of this stand would wait; send smaller ones, or fewer"
+        )
 
     def turn(self) -> bool:
         """Handle what came first; whether more waits."""
@@ -129,12 +151,17 @@ class Inbox:
     def _clear(self) -> None:
         self._waiting.clear()
         self._counts.clear()
+        self._bytes = 0
 
     def _handle_some(self) -> None:
         scans: list[bytes] = []
+        least_bytes = self._bytes - TURN_BYTES
         for _ in range(min(TURN, len(self._waiting))):
+            if self._bytes <= least_bytes:
+                break
             record_type, data = self._waiting.popleft()
             self._counts[record_type] -= 1
+            self._bytes -= len(data)
             if record_type is Scan:
                 scans.append(data)
                 continue

@@ -16,6 +16,8 @@ from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.wire.records import VibrationBlock
 
 SECOND_NS = 1_000_000_000
+MOST_BYTES = 128_000_000
+"""Of all blocks together: 30 s of twelve axes at 80 kHz."""
 OFFSET = Struct("<I")
 """First field of a point; one float32 of the same size follows for each axis."""
 
@@ -53,6 +55,8 @@ class VibrationRing:
         self.stale = 0
         self.restarts = 0
         self._kept: deque[KeptBlock] = deque()
+        self._bytes = 0
+        """Of all that is kept."""
 
     @property
     def end_ns(self) -> int:
@@ -86,12 +90,14 @@ class VibrationRing:
             if block.axes != last.axes or last.stamp_ns - block.stamp_ns > self.history_ns:
                 self.restarts += 1
                 self._kept.clear()
+                self._bytes = 0
             elif block.stamp_ns <= last.stamp_ns:
                 self.stale += 1
                 return None
         self._kept.append(kept)
-        while self._kept[0].end_ns < kept.end_ns - self.history_ns:
-            self._kept.popleft()
+        self._bytes += len(block.data)
+        while self._kept[0].end_ns < kept.end_ns - self.history_ns or self._bytes > MOST_BYTES:
+            self._bytes -= len(self._kept.popleft().block.data)
         return kept
 
     def cut(self, start_ns: int, end_ns: int, columns: tuple[int, ...]) -> Stretch:

@@ -9,7 +9,7 @@ from flea_diag.api.recording import SENT, Recording
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand
 from flea_diag.tools.replay.replay import diagnosed
-from flea_diag.wire.bags.new_bag import new_bag
+from flea_diag.wire.bags.bag_writer import new_bag
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, Record, VibrationBlock
 

@@ -133,7 +133,7 @@ def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     RecordingError
         The folder is in use, or the disk is full.
     """
-    from flea_diag.wire.bags.new_bag import new_bag
+    from flea_diag.wire.bags.bag_writer import new_bag
     from flea_diag.wire.records import Truth
     from flea_sim_driver.stand import SimulatedStand
 

@@ -9,6 +9,8 @@ last second.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,7 @@ from flea_diag.wire.bags.bag_segment import BagSegment
 from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
+from flea_diag.wire.whole_file import new_folder
 
 
 @dataclass(frozen=True)
@@ -227,3 +230,26 @@ class BagWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+@contextmanager
+def new_bag(directory: Path, stand: str = "stand") -> Iterator[BagWriter]:
+    """Write a bag, of equal bytes for equal records; whatever is raised leaves nothing of it.
+
+    Raises
+    ------
+    RecordingError
+        The folder is in use, or cannot be written.
+    """
+    try:
+        with (
+            new_folder(directory) as fresh,
+            BagWriter(fresh, stand=stand, whole_every_s=None, called=directory) as bag,
+        ):
+            yield bag
+    except FileExistsError:
+        raise RecordingError(
+            f"{directory} is not empty: a bag needs a new or empty folder"
+        ) from None
+    except OSError as error:
+        raise RecordingError(f"cannot write bag {directory}: {error.strerror or error}") from error

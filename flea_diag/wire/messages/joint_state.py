@@ -47,6 +47,8 @@ class _Form(NamedTuple):
 _READ: dict[int, _Form] = {}
 """Size of a message -> form of the latest of this size."""
 _MOST_READ = 64
+MOST_NAMES = 2000
+"""Of one message: each takes a row of data quality and its words."""
 
 
 def encode(record: Any, _: str) -> bytes:
@@ -76,6 +78,8 @@ def decode(record_type: type, reader: CdrReader) -> Any:
     """Read a record of numbers; velocity and effort are skipped."""
     stamp_ns = reader.stamp_ns()
     names = reader.texts()
+    if len(names) > MOST_NAMES:
+        raise WireError(f"{len(names)} names, at most {MOST_NAMES}: send those of one stand", "size")
     values, end = _floats(reader), reader.place
     skipped = _floats(reader), _floats(reader)
     reader.end()
