@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from summary import Figure, bench_parser, share, write_summary
-from support.failing_commands import WRITING, failed, operations
+from support.disk.failing_commands import WRITING, failed, operations
 from support.graph.judged import Judged, flown
 
 MOST_OPERATIONS = 200

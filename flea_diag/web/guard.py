@@ -24,14 +24,16 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Any, Send], Awaitable[None]]
 
 COOKIE = "flea_token"
-SHORTEST_TOKEN = 16
+SHORTEST_TOKEN, LEAST_CHARACTERS = 16, 6
+"""Of a token, and how many different ones: the right one passes at any time, so none may be guessed
+within a few thousand attempts."""
 LARGEST_TOKEN_BYTES = 4096
 LOCAL_NAMES = ("localhost",)
 SOCKET_PATH = "/_nicegui_ws/"
 STAND_PATH = "/stand/"
 """Before the name of a stand, in the address of its page where there are several."""
 MOST_GUESSES, GUESSES_S = 10, 60.0
-"""Limit of token attempts from one address, and its period."""
+"""Limit of wrong tokens from one address, and its period."""
 MOST_LOADS, LOADS_S = 30, 10.0
 """So often the page may be loaded from one address: each load takes a quarter of a megabyte for
 as long as a browser may still connect."""
@@ -93,6 +95,11 @@ def token_of(address: str, token_file: str) -> str:
             f"token_file = {token_file!r} holds {len(token)} characters, a token has at least "
             f"{SHORTEST_TOKEN}: create one with openssl rand -hex 16 >FILE"
         )
+    if len(set(token)) < LEAST_CHARACTERS:
+        raise ConfigurationError(
+            f"token_file = {token_file!r} holds {len(set(token))} different characters, a token has "
+            f"at least {LEAST_CHARACTERS}: create one with openssl rand -hex 16 >FILE"
+        )
     return token
 
 
@@ -131,30 +138,34 @@ class Guard:
         if _is_polling(scope):
             return await _refuse(scope, send, 400, b"the page is served over WebSocket alone\n")
         receive = bounded(receive) if scope["type"] == "websocket" else receive
-        if _is_page(scope) and not self._loads.passes(who):
-            return await _refuse(scope, send, 429, b"the page was loaded too often just now\n")
-        if not self._token or self._knows(headers.get("cookie", "")):
+        kept = _cookie(headers.get("cookie", ""))
+        if not self._token or self._is_token(kept):
+            if _is_page(scope) and not self._loads.passes(who):
+                return await _refuse(scope, send, 429, b"the page was loaded too often just now\n")
             return await self._app(scope, receive, _with_headers(send))
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[-1]
-        if given and not self._guesses.passes(who):
-            return await _refuse(scope, send, 429, b"too many tokens were tried just now\n")
+        # Behind a proxy all come from one address: others' wrong tokens lock out no right one.
         if scope["type"] == "http" and self._is_token(given):
             return await _welcome(scope, send, given)
+        if (given or kept) and not self._guesses.passes(who):
+            return await _refuse(scope, send, 429, b"too many tokens were tried just now\n")
         return await _refuse(scope, send, 401, ASK.encode(), b"text/html; charset=utf-8")
 
     def _right_host(self, headers: dict[str, str]) -> bool:
         name = urlsplit(f"//{headers.get('host', '')}").hostname or ""
         return is_loopback(name) or not self._local_only
 
-    def _knows(self, cookies: str) -> bool:
-        try:
-            jar = SimpleCookie(cookies)
-        except CookieError:
-            return False
-        return COOKIE in jar and self._is_token(jar[COOKIE].value)
-
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self._token)
+
+
+def _cookie(cookies: str) -> str:
+    """The token that a browser keeps, "" for none."""
+    try:
+        jar = SimpleCookie(cookies)
+    except CookieError:
+        return ""
+    return jar[COOKIE].value if COOKIE in jar else ""
 
 
 def _is_page(scope: Scope) -> bool:

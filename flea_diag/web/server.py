@@ -7,7 +7,9 @@ import threading
 from typing import Any
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
+from fastapi.responses import PlainTextResponse
+from nicegui import app as pages
 from nicegui import ui
 
 from flea_diag.errors import ConfigurationError
@@ -43,6 +45,7 @@ class Server:
             message_history_length=KEPT_MESSAGES,
             show_welcome_message=False,
         )
+        pages.exception_handler(404)(_nothing_here)
         guarded: Any = Guard(inner, token, local_only=is_loopback(address))
         self._socket = _bound(address, port)
         self.port = int(self._socket.getsockname()[1])
@@ -56,6 +59,7 @@ class Server:
                 ws_per_message_deflate=False,  # not worth its CPU for a few kB/s
                 timeout_graceful_shutdown=1,
                 http=PatientProtocol,
+                proxy_headers=False,  # X-Forwarded-For is what anybody on this machine writes
                 limit_concurrency=MOST_CONNECTIONS,
                 ws_max_size=LONGEST_MESSAGE,
             )
@@ -73,6 +77,11 @@ class Server:
         self._server.should_exit = True
         self._thread.join(END_S)
         self._socket.close()
+
+
+def _nothing_here(_request: Request, _error: Exception) -> PlainTextResponse:
+    """NiceGUI would build a page for it and keep that in memory, and log a line."""
+    return PlainTextResponse("there is no such page\n", 404)
 
 
 def _bound(address: str, port: int) -> socket.socket:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.failing_commands import WRITING, failed, operations
+from support.disk.failing_commands import WRITING, failed, operations
 from support.graph.recorder_alone import recorded
 
 QUICK = [name for name, row in WRITING.items() if not row.slow]

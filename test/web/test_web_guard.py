@@ -124,8 +124,28 @@ def test_tokens_cannot_be_tried_without_end(client: Callable[..., TestClient]) -
     opened = client(host="stand.example", token=TOKEN, local_only=False)
     seen = [opened.get(f"/x?token=guess{k}").status_code for k in range(MOST_GUESSES + 5)]
     assert seen == [401] * MOST_GUESSES + [429] * 5
-    assert opened.get(f"/x?token={TOKEN}").status_code == 429, "the right one has to wait, too"
+    assert opened.get(f"/x?token={TOKEN}").status_code == 303, "others' guesses lock nobody out"
     assert opened.get("/x", headers={"cookie": f"{COOKIE}={TOKEN}"}).status_code == 404
+
+
+def test_cookies_cannot_be_tried_without_end(client: Callable[..., TestClient]) -> None:
+    """Over HTTP and WebSocket together; the right one is let in meanwhile."""
+    opened = client(host="stand.example", token=TOKEN, local_only=False)
+    tried = [{"cookie": f"{COOKIE}=guess{k}"} for k in range(MOST_GUESSES + 5)]
+    for each in tried[:5]:
+        assert not listens(opened, host="stand.example", **each)
+    seen = [opened.get("/x", headers=each).status_code for each in tried[5:]]
+    assert seen == [401] * (MOST_GUESSES - 5) + [429] * 5
+    assert opened.get("/x", headers={"cookie": f"{COOKIE}={TOKEN}"}).status_code == 404
+    assert listens(opened, host="stand.example", cookie=f"{COOKIE}={TOKEN}")
+
+
+def test_whoever_has_no_token_locks_nobody_out_of_the_page(
+    client: Callable[..., TestClient],
+) -> None:
+    opened = client(host="stand.example", token=TOKEN, local_only=False)
+    assert {opened.get("/").status_code for _ in range(2 * MOST_LOADS)} == {401}
+    assert opened.get("/", headers={"cookie": f"{COOKIE}={TOKEN}"}).status_code == 200
 
 
 def test_the_page_cannot_be_loaded_without_end(client: Callable[..., TestClient]) -> None:
@@ -168,6 +188,10 @@ def test_an_open_address_without_a_token_is_refused_by_name(tmp_path: Path) -> N
     short.write_text("abc\n")
     with pytest.raises(ConfigurationError, match="holds 3 characters, a token has at least 16"):
         token_of("127.0.0.1", str(short))
+    same = tmp_path / "same"
+    same.write_text("a" * 40)
+    with pytest.raises(ConfigurationError, match="holds 1 different characters"):
+        token_of("127.0.0.1", str(same))
     (tmp_path / "token").write_text(f"{TOKEN}\n")
     assert token_of("0.0.0.0", str(tmp_path / "token")) == TOKEN
 

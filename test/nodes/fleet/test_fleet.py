@@ -17,18 +17,38 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.fleet.stand_list import StandEntry, stand_entries
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import Health, Level, Scan
+from flea_diag.wire.records import Health, Level, Scan, VibrationBlock
 
 FLEET = [sys.executable, str(ROOT / "test" / "support" / "programs" / "faulty_fleet.py")]
 POISON = 666.0
 FLOOD, ROUNDS = 300, 100
 """Scans that one stand is sent for each of another, and how often."""
+HEAVY = 6
+"""Blocks and scans that are too large."""
 
 
 def scans(count: int) -> list[Scan]:
     """The first scans of a recording, without a fault."""
     records = BagReader(BAGS / "jam").records((Scan,))
     return [record for (_, record), _ in zip(records, range(count), strict=False)]
+
+
+def block(number: int) -> bytes:
+    """A block of vibration of 30 MB."""
+    stamp_ns = 10**18 + number * 10**9
+    return codec.encode(VibrationBlock(stamp_ns, ("a",), 3_750_000, bytes(30_000_000)))
+
+
+def wide(number: int) -> bytes:
+    """A scan of ten thousand channels."""
+    names = tuple(f"channel_{number}" for number in range(10_000))
+    return codec.encode(Scan(10**18 + number, names, (0.0,) * len(names)))
+
+
+def resident_mb(pid: int) -> float:
+    """Most memory that a process has had, MB."""
+    lines = Path(f"/proc/{pid}/status").read_text("ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1e3
 
 
 class Fleet:
@@ -54,10 +74,25 @@ class Fleet:
         """Latest words of a node on its health."""
         return self.health[name].message if name in self.health else ""
 
-    def counted(self, name: str, counter: str) -> int:
-        """Counter of the scans in the latest health of a stand's diagnoser."""
+    def counted(self, name: str, counter: str, topic: str = "sensors/slow") -> int:
+        """Counter of a topic in the latest health of a stand's diagnoser."""
         told = self.health.get(f"{name}/diagnoser")
-        return int(dict(told.values).get(f"sensors/slow/{counter}", 0)) if told else 0
+        return int(dict(told.values).get(f"{topic}/{counter}", 0)) if told else 0
+
+    def log(self) -> str:
+        """What the process has said so far."""
+        self.process.read()  # type: ignore[attr-defined]
+        return str(self.process.output)  # type: ignore[attr-defined]
+
+    def send_block(self, name: str, data: bytes) -> None:
+        """Send a block of vibration."""
+        from sensor_msgs.msg import PointCloud2
+
+        topic = f"/{name}/sensors/vibration"
+        if topic not in self._out:
+            self._out[topic] = self.peer.node.create_publisher(PointCloud2, topic, 50)
+            self.connected()
+        self._out[topic].publish(data)
 
     def connected(self) -> None:
         self.peer.until(lambda: all(out.get_subscription_count() for out in self._out.values()))
@@ -71,12 +106,12 @@ class Fleet:
 def fleet(domain: int, tmp_path: Path) -> Iterator[Fleet]:
     broken = tmp_path / "broken.yaml"
     broken.write_text("nonsense: 1\n", encoding="utf-8")
-    stands = ["sound", f"broken=flea@{broken}", "failing", "flooded"]
+    stands = ["sound", f"broken=flea@{broken}", "failing", "flooded", "heavy"]
     command = [*FLEET, "--ros-args", "-p", f"stands:={stands}"]
     with Process(command, domain) as process, Peer(domain) as peer:
-        made = Fleet(peer, ("sound", "failing", "flooded"))
+        made = Fleet(peer, ("sound", "failing", "flooded", "heavy"))
         made.process = process  # type: ignore[attr-defined]
-        peer.until(lambda: "3 of 4 stands running" in made.said())
+        peer.until(lambda: "4 of 5 stands running" in made.said())
         made.connected()
         yield made
 
@@ -97,7 +132,7 @@ def test_what_happens_to_one_stand_does_not_reach_the_others(fleet: Fleet) -> No
     peer.until(lambda: fleet.answered["failing"] == 20)
     poisoned = replace(read[20], values=(POISON, *read[20].values[1:]))
     fleet.send("failing", codec.encode(poisoned))
-    peer.until(lambda: "2 of 4 stands running" in fleet.said())
+    peer.until(lambda: "3 of 5 stands running" in fleet.said())
     assert "failing (ZeroDivisionError in faulty_fleet.py:" in fleet.said()
     peer.until(lambda: fleet.said("failing/diagnoser").startswith("unconfigured"))
 
@@ -110,10 +145,27 @@ def test_what_happens_to_one_stand_does_not_reach_the_others(fleet: Fleet) -> No
     peer.until(lambda: fleet.counted("sound", "received") == ROUNDS)
     assert fleet.counted("sound", "lost") == 0
 
+    # One sends what takes memory and time: its budget refuses that by name.
+    before_mb = resident_mb(fleet.process.child.pid)  # type: ignore[attr-defined]
+    for number in range(HEAVY):
+        fleet.send_block("heavy", block(number))
+        fleet.send("heavy", wide(number))
+        fleet.send("sound", sent[ROUNDS + number])
+    peer.until(lambda: fleet.answered["sound"] == ROUNDS + HEAVY)
+    peer.until(lambda: fleet.counted("heavy", "lost", "sensors/vibration") == HEAVY)
+    peer.until(lambda: fleet.counted("heavy", "malformed") == HEAVY)
+    assert fleet.counted("sound", "lost") == 0
+    assert "a message of 30.0 MB is lost: with it more than the 16 MB" in fleet.log()
+    assert "10000 names, at most 2000" in fleet.log()
+    assert resident_mb(fleet.process.child.pid) - before_mb < 300.0  # type: ignore[attr-defined]
+    # It is given back: a sound scan of the same stand is judged.
+    fleet.send("heavy", sent[0])
+    peer.until(lambda: fleet.answered["heavy"] == 1)
+
     # The one that failed is configured again through its life cycle.
     assert peer.change_state("failing/diagnoser", "configure")
     assert peer.change_state("failing/diagnoser", "activate")
-    peer.until(lambda: "3 of 4 stands running" in fleet.said())
+    peer.until(lambda: "4 of 5 stands running" in fleet.said())
     fleet.connected()
     fleet.send("failing", *sent[21:40])
     peer.until(lambda: fleet.answered["failing"] >= 39)

@@ -11,7 +11,7 @@ from flea_diag.wire.bus import qos
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Scan
 from flea_diag.wire.topics import TOPIC_OF
-from support.failing_disk import FULL, FailingDisk
+from support.disk.failing_disk import FULL, FailingDisk
 from support.graph.judged import missing_from
 from support.graph.network import Network
 from support.graph.process import GraphProcess

@@ -15,7 +15,7 @@ from flea_diag.wire.bus.life_cycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVA
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import ChannelTable, Scan
 from flea_diag.wire.topics import TOPIC_OF
-from support.failing_disk import FULL, FailingDisk
+from support.disk.failing_disk import FULL, FailingDisk
 from support.graph.network import Network, Reader, Writer
 from support.graph.process import GraphProcess
 from support.graph.ros_node import RosNode

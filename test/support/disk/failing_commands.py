@@ -13,7 +13,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from flea_diag.tools.main import main
-from support.failing_disk import FULL, FailingDisk
+from support.disk.failing_disk import FULL, FailingDisk
 from support.places import ROOT
 
 BAG = ROOT / "bags" / "jam"

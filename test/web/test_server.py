@@ -1,0 +1,53 @@
+"""The server as it runs: who is asked for what, and what a request for nothing leaves behind."""
+
+from __future__ import annotations
+
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
+
+from nicegui import Client
+
+from flea_diag.web.guard import COOKIE, MOST_GUESSES
+from flea_diag.web.server import Server
+
+TOKEN = "0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[int]:
+    server = Server("a stand", "127.0.0.1", 0, TOKEN)
+    server.start()
+    yield server.port
+    server.close()
+
+
+def status(port: int, path: str, **headers: str) -> int:
+    """Status of one request."""
+    asked = urllib.request.Request(f"http://127.0.0.1:{port}{path}", headers=headers)
+    try:
+        with urllib.request.urlopen(asked, timeout=60.0) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        error.close()
+        return error.code
+
+
+def test_a_request_for_nothing_builds_no_page(served: int) -> None:
+    before = len(Client.instances)
+    cookie = f"{COOKIE}={TOKEN}"
+    assert {status(served, f"/nothing/{k}", Cookie=cookie) for k in range(40)} == {404}
+    assert len(Client.instances) == before
+
+
+def test_nobody_is_someone_else_by_a_header(served: int) -> None:
+    """As a proxy on this machine would send it, or anybody."""
+    seen = [
+        status(served, f"/?token=guess{k}", **{"X-Forwarded-For": f"10.0.0.{k}"})
+        for k in range(MOST_GUESSES + 3)
+    ]
+    assert seen == [401] * MOST_GUESSES + [429] * 3
