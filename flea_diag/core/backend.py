@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 import zlib
 from collections.abc import Callable, Iterator
@@ -15,16 +16,18 @@ from typing import Any
 from flea_diag.core.compile_cache import guard
 from flea_diag.errors import ConfigurationError
 
+NO_JIT = "NUMBA_DISABLE_JIT"
+"""Variable by which numba runs what it should compile as plain Python: slower than numpy."""
 BACKENDS = ("auto", "numpy", "numba")
 
 
 def chosen(backend: str) -> str:
-    """Backend for a name; "auto" is numba where installed, else numpy.
+    """Backend for a name; "auto" is numba where installed and told to compile, else numpy.
 
     Raises
     ------
     ConfigurationError
-        An unknown name, or numba asked for and not installed.
+        An unknown name, or numba asked for and not installed or told not to compile.
     """
     if backend not in BACKENDS:
         raise ConfigurationError(f"backend {backend!r} is unknown, known are {', '.join(BACKENDS)}")
@@ -33,7 +36,10 @@ def chosen(backend: str) -> str:
         raise ConfigurationError(
             "backend numba is not installed: pip install 'numba>=0.60', or choose numpy"
         )
-    return "numba" if installed and backend != "numpy" else "numpy"
+    told_not_to = os.environ.get(NO_JIT, "0") not in ("", "0")
+    if backend == "numba" and told_not_to:
+        raise ConfigurationError(f"backend numba: {NO_JIT} = 1: unset it, or choose numpy")
+    return "numba" if installed and not told_not_to and backend != "numpy" else "numpy"
 
 
 @cache

@@ -12,12 +12,16 @@ from typing import Any
 
 def guard(dispatcher: Any) -> Any:
     """The compiled function; where its cache cannot be loaded, the cache is made anew."""
-    cache = dispatcher._cache
+    cache = getattr(dispatcher, "_cache", None)
+    if (
+        cache is None
+    ):  # numba is told not to compile (NUMBA_DISABLE_JIT), and gives it back as it is
+        return dispatcher
     load = cache.load_overload
 
     def load_overload(signature: Any, target: Any) -> Any:
         try:
-            return load(signature, target)
+            return _of_it(dispatcher, signature, load(signature, target))
         except Exception as error:  # of any kind: bytes are unpickled
             words = f"damaged compile cache of {dispatcher.__name__}, made anew"
             warnings.warn(f"{words}: {type(error).__name__}", RuntimeWarning, stacklevel=2)
@@ -26,3 +30,14 @@ def guard(dispatcher: Any) -> Any:
 
     cache.load_overload = load_overload
     return dispatcher
+
+
+def _of_it(dispatcher: Any, signature: Any, loaded: Any) -> Any:
+    """What was loaded, if it is this function's for these types; files are found by name alone."""
+    from numba.core.sigutils import normalize_signature
+
+    arguments, _ = normalize_signature(signature)
+    name = dispatcher.py_func.__qualname__
+    if loaded is not None and (loaded.fndesc.qualname, loaded.signature.args) != (name, arguments):
+        raise ValueError(f"code of {loaded.fndesc.qualname}")
+    return loaded

@@ -17,8 +17,8 @@ LARGEST_INTEGER = 2**63
 
 IN_SI = (1e-15, 1e15)
 """Magnitudes that a quantity in SI units may have; values outside are taken for a unit error."""
-LIMITED = (0.0, 1e15)
-"""The same without a lower end, for variances and coefficients."""
+LIMITED = (1e-60, 1e15)
+"""The same for variances and coefficients; below, squares and quotients leave what a number can be."""
 FINITE = (0.0, sys.float_info.max)
 ANY = None
 """Infinities and NaN too."""

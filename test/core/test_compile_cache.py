@@ -21,13 +21,43 @@ print(exact(double)(21.0))
 """
 
 
+TWICE = """
+import sys
+from flea_diag.core.backend import exact
+sys.path.insert(0, sys.argv[1])
+from doubling import double
+from halving import half
+print(exact(double)(21.0), exact(half)(21.0))
+"""
+
+
+def test_a_file_swapped_for_that_of_another_function_is_made_anew(tmp_path: Path) -> None:
+    for name, body in (("doubling.py", "def double(x):\n    return 2.0 * x\n"),
+                       ("halving.py", "def half(x):\n    return 0.5 * x\n")):  # fmt: skip
+        (tmp_path / name).write_text(body)
+        os.utime(tmp_path / name, (1, 1))
+    assert run(TWICE, tmp_path).stdout == "42.0 10.5\n"
+    one, other = (tmp_path / "cache").rglob("*.nbc")
+    content = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(content)
+    done = run(TWICE, tmp_path)
+    assert (done.returncode, done.stdout) == (0, "42.0 10.5\n")
+    assert done.stderr.count("damaged compile cache of ") == 2
+
+
 def doubled(folder: Path) -> subprocess.CompletedProcess[str]:
     """A program that compiles one small function, with its cache in this folder."""
     (folder / "doubling.py").write_text("def double(x):\n    return 2.0 * x\n")
     os.utime(folder / "doubling.py", (1, 1))  # numba keeps the time of the source
+    return run(PROGRAM, folder)
+
+
+def run(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A program with a cache of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder / "cache")}
     return subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(folder)],
+        [sys.executable, "-c", program, str(folder)],
         env=environment, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
 

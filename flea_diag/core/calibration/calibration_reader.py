@@ -141,6 +141,14 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     digest = made.actuator_sha256
     if digest and not re.fullmatch("[0-9a-f]{64}", digest):
         yield f"actuator_sha256 = {shown(digest)} is no SHA-256 of 64 hexadecimal digits"
+    if not made.channels:
+        yield "channels is empty: nothing was calibrated"
+    for name, (low, high) in (made.envelope.ranges if made.envelope else {}).items():
+        if not low <= high:
+            yield f"envelope: ranges: {shown(name)} from {low!r} to {high!r} holds nothing"
+    for fit in made.envelope.relations if made.envelope else ():
+        if any(len(row) != len(fit.root) for row in fit.root):
+            yield f"envelope: relations: {shown(fit.relation)}: root is not square"
     for limit in made.limits:
         for wrong in _of_limit(limit, made.counts):
             yield f"limits: {shown(limit.name)}: {wrong}"

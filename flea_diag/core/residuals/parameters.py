@@ -44,7 +44,7 @@ class ActuatorParameters(Frozen):
     nut_heating_k_per_j: float = 0.0
     nut_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 1.0
     reference_temperature_degc: float = 0.0
-    drive_gain: float = 1.0
+    drive_gain: Annotated[float, within(1e-9, 1e9, above=0.0)] = 1.0
     drive_offset_v: float = 0.0
     position_offset_m: float = 0.0
     encoder_m_per_rad: float = 0.0

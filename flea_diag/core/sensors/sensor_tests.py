@@ -106,7 +106,7 @@ class SensorTests:
         self._steps = [
             (names.index(limit.channel), index)
             for index, limit in enumerate(self._limits)
-            if limit.step > 0.0
+            if limit.step > 0.0 and limit.channel in names
         ]
         self._paired = sensors.paired and len(self._steps) == 2
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)

@@ -79,7 +79,9 @@ def decode(record_type: type, reader: CdrReader) -> Any:
     stamp_ns = reader.stamp_ns()
     names = reader.texts()
     if len(names) > MOST_NAMES:
-        raise WireError(f"{len(names)} names, at most {MOST_NAMES}: send those of one stand", "size")
+        raise WireError(
+            f"{len(names)} names, at most {MOST_NAMES}: send those of one stand", "size"
+        )
     values, end = _floats(reader), reader.place
     skipped = _floats(reader), _floats(reader)
     reader.end()

@@ -135,19 +135,42 @@ DAMAGE = {
     "sharp friction": (put(("parameters", "stribeck_speed_m_s"), 1e-300), "stribeck_speed_m_s = 1"),
     "beyond any unit": (
         put(("parameters", "coulomb_friction_n"), 1e300),
-        "coulomb_friction_n = 1e.300 is beyond 1e.15; check its unit",
+        "coulomb_friction_n = 1e.300 lies outside 1e-60 to 1e.15; check its unit",
     ),
     "noise of nothing": (
         put(("observer_noise", "force_n"), 1e-300),
-        "force_n = 1e-300 is below its limit 1e-12",
+        "force_n = 1e-300 lies outside 1e-60",
     ),
     "one alarm in an eternity": (
         put(("false_alarms_per_hour",), 1e-99),
-        "false_alarms_per_hour = 1e-99 is below its limit",
+        "false_alarms_per_hour = 1e-99 lies outside 1e-60",
     ),
     "digits": (
         put(("sigmas", "coulomb_friction_n"), 10**5000),
         "some 5000 digits must be a finite number",
+    ),
+    "no channel": (put(("channels",), []), "channels is empty: nothing was calibrated"),
+    "no gain": (put(("parameters", "drive_gain"), 0.0), "drive_gain = 0.0 must be above 0"),
+    "the least number that there is": (
+        put(("parameters", "encoder_m_per_rad"), 5e-324),
+        "encoder_m_per_rad = 5e-324 lies outside 1e-60 to 1e.15; check its unit",
+    ),
+    "an empty range": (
+        put(("envelope",), {"position": "", "relations": [], "ranges": {"load_force": [3.0, 1.0]}}),
+        "envelope: ranges: 'load_force' from 3.0 to 1.0 holds nothing",
+    ),
+    "no square": (
+        put(
+            ("envelope",),
+            {
+                "position": "",
+                "ranges": {},
+                "relations": [
+                    {"relation": "place", "root": [[1.0], [1.0, 2.0]], "reach": 1.0, "most": 1.0}
+                ],
+            },
+        ),
+        "envelope: relations: 'place': root is not square",
     ),
     "no tolerance": (put(("tolerance", "coulomb_friction_n"), 0.0), "coulomb_friction_n"),
 }

@@ -6,6 +6,7 @@ import pytest
 
 from flea_diag.errors import WireError
 from flea_diag.wire.messages import codec, joint_state
+from flea_diag.wire.messages.joint_state import MOST_NAMES
 from flea_diag.wire.records import Residual, Scan, VibrationLevel
 
 RECORDS = (
@@ -48,3 +49,12 @@ def test_more_sizes_than_are_kept_are_read_all_the_same() -> None:
         record = Scan(1, tuple(map(str, range(count))), (0.5,) * count)
         assert codec.decode(Scan, codec.encode(record)) == record
     assert len(joint_state._READ) <= joint_state._MOST_READ
+
+
+def test_more_names_than_a_stand_has_are_refused_with_their_number() -> None:
+    names = tuple(f"channel_{number}" for number in range(MOST_NAMES + 1))
+    data = codec.encode(Scan(1, names, (0.0,) * len(names)))
+    with pytest.raises(WireError, match=f"{MOST_NAMES + 1} names, at most {MOST_NAMES}"):
+        codec.decode(Scan, data)
+    fewer = Scan(1, names[1:], (0.0,) * MOST_NAMES)
+    assert codec.decode(Scan, codec.encode(fewer)) == fewer

@@ -1,0 +1,23 @@
+"""A clock that stands still: whatever is told as a rate or a cost is told, without a traceback."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from flea_diag.tools.main import main
+
+READ = ("time", "monotonic", "perf_counter", "process_time")
+
+
+@pytest.mark.parametrize(
+    "command", ["simulate nominal --duration 1 --no-vibration -o {}/run", "features bench"]
+)
+def test_no_clock_moves(command: str, tmp_path: Path) -> None:
+    seconds = dict.fromkeys(READ, lambda: 5.0)
+    whole = {f"{name}_ns": lambda: 5_000_000_000 for name in READ}
+    with patch.multiple(time, **seconds, **whole):
+        assert main(command.format(tmp_path).split()) == 0
