@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import os
 import sys
 import zlib
 from collections.abc import Callable, Iterator
@@ -36,10 +35,13 @@ def chosen(backend: str) -> str:
         raise ConfigurationError(
             "backend numba is not installed: pip install 'numba>=0.60', or choose numpy"
         )
-    told_not_to = os.environ.get(NO_JIT, "0") not in ("", "0")
-    if backend == "numba" and told_not_to:
+    if not installed or backend == "numpy":
+        return "numpy"
+    from numba.core import config
+
+    if backend == "numba" and config.DISABLE_JIT:
         raise ConfigurationError(f"backend numba: {NO_JIT} = 1: unset it, or choose numpy")
-    return "numba" if installed and not told_not_to and backend != "numpy" else "numpy"
+    return "numpy" if config.DISABLE_JIT else "numba"
 
 
 @cache

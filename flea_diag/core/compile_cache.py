@@ -13,9 +13,7 @@ from typing import Any
 def guard(dispatcher: Any) -> Any:
     """The compiled function; where its cache cannot be loaded, the cache is made anew."""
     cache = getattr(dispatcher, "_cache", None)
-    if (
-        cache is None
-    ):  # numba is told not to compile (NUMBA_DISABLE_JIT), and gives it back as it is
+    if cache is None:  # numba is told not to compile (NUMBA_DISABLE_JIT): it is as it was
         return dispatcher
     load = cache.load_overload
 

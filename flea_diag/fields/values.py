@@ -18,7 +18,7 @@ LARGEST_INTEGER = 2**63
 IN_SI = (1e-15, 1e15)
 """Magnitudes that a quantity in SI units may have; values outside are taken for a unit error."""
 LIMITED = (1e-60, 1e15)
-"""The same for variances and coefficients; below, squares and quotients leave what a number can be."""
+"""The same for variances and coefficients; below, squares and quotients are no numbers."""
 FINITE = (0.0, sys.float_info.max)
 ANY = None
 """Infinities and NaN too."""

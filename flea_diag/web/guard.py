@@ -97,8 +97,8 @@ def token_of(address: str, token_file: str) -> str:
         )
     if len(set(token)) < LEAST_CHARACTERS:
         raise ConfigurationError(
-            f"token_file = {token_file!r} holds {len(set(token))} different characters, a token has "
-            f"at least {LEAST_CHARACTERS}: create one with openssl rand -hex 16 >FILE"
+            f"token_file = {token_file!r} holds {len(set(token))} different characters, a token "
+            f"has at least {LEAST_CHARACTERS}: create one with openssl rand -hex 16 >FILE"
         )
     return token
 

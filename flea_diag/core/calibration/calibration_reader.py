@@ -17,6 +17,7 @@ from flea_diag.core.detection.coefficient_shift import COEFFICIENT_WINDOWS_S
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
+from flea_diag.core.residuals.leverage import CalibrationEnvelope
 from flea_diag.core.residuals.parameters import (
     LATER_TOLERANCES,
     STANDARD,
@@ -143,12 +144,8 @@ def _contradictions(made: Calibration) -> Iterator[str]:
         yield f"actuator_sha256 = {shown(digest)} is no SHA-256 of 64 hexadecimal digits"
     if not made.channels:
         yield "channels is empty: nothing was calibrated"
-    for name, (low, high) in (made.envelope.ranges if made.envelope else {}).items():
-        if not low <= high:
-            yield f"envelope: ranges: {shown(name)} from {low!r} to {high!r} holds nothing"
-    for fit in made.envelope.relations if made.envelope else ():
-        if any(len(row) != len(fit.root) for row in fit.root):
-            yield f"envelope: relations: {shown(fit.relation)}: root is not square"
+    for wrong in _of_envelope(made.envelope) if made.envelope else ():
+        yield f"envelope: {wrong}"
     for limit in made.limits:
         for wrong in _of_limit(limit, made.counts):
             yield f"limits: {shown(limit.name)}: {wrong}"
@@ -168,6 +165,15 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     nats = made.coverage.nats if made.coverage else ()
     if list(nats) != sorted(nats):
         yield "coverage: nats must ascend"
+
+
+def _of_envelope(envelope: CalibrationEnvelope) -> Iterator[str]:
+    for name, (low, high) in envelope.ranges.items():
+        if not low <= high:
+            yield f"ranges: {shown(name)} from {low!r} to {high!r} holds nothing"
+    for fit in envelope.relations:
+        if any(len(row) != len(fit.root) for row in fit.root):
+            yield f"relations: {shown(fit.relation)}: root is not square"
 
 
 def _of_limit(limit: ResidualLimit, counts: ScanCounts) -> Iterator[str]:

@@ -53,6 +53,7 @@ def test_a_bag_without_a_diagnosis_is_diagnosed(tmp_path: Path) -> None:
 
 
 def test_a_bag_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "metadata.yaml").write_text("somebody's\n")
     assert flea(["events", str(LIVE), "-o", str(tmp_path)]) == 2
     assert f"{tmp_path} exists: choose another with -o" in capsys.readouterr().err
 
