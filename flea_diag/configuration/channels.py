@@ -19,6 +19,7 @@ from flea_diag.fields.values import AboveZero, one_of, within
 from flea_diag.formats import migrated
 from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import (
+    AGE_READINGS,
     FLEA_TEXT,
     FORMATS,
     RESAMPLINGS,
@@ -34,8 +35,6 @@ SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
 """Rates that scans may have."""
 MOST_TERMS = 200
 _ACCELEROMETER = re.compile(r"accelerometer_[1-9]\d?")
-AGE_READINGS = 3.0
-"""Age limit of a reading by default, in times between two readings."""
 
 
 @dataclass(frozen=True)

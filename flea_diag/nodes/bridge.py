@@ -55,6 +55,7 @@ class Bridge:
         self._before: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
         self._scans = 0
+        self._said_slower = ""
         self._vibration = VibrationStream(mapping.axes) if mapping.vibration_topic else None
         self._blocks = 0
         bus.advertise(ChannelTable, Scan, VibrationBlock, Health)
@@ -105,10 +106,13 @@ class Bridge:
         topics = dict.fromkeys((*self._mapping.topics, self._mapping.vibration_topic))
         silent = [t for t in topics if t and self._received[t] == self._before[t]]
         self._before = self._received.copy()
-        level, words = Level.OK, "bridging"
-        if silent:
-            level = Level.WARN
-            words = f"no readings from {', '.join(silent)}"
+        wrong = [f"no readings from {', '.join(silent)}"] if silent else []
+        slower = self._slower()
+        if slower != self._said_slower and slower:
+            self._bus.caution(slower)
+        self._said_slower = slower
+        wrong += [slower] if slower else []
+        level, words = (Level.WARN, "; ".join(wrong)) if wrong else (Level.OK, "bridging")
         counts = {f"{topic}/received": n for topic, n in sorted(self._received.items())}
         counts |= {f"{topic}/unreadable": n for topic, n in sorted(self._unreadable.items())}
         counts |= {name: n for name, n in self._grid.counts.items() if n}
@@ -118,6 +122,19 @@ class Bridge:
             self._bus.now_ns(), self._bus.name, level, words, (("state", self._bus.state), *values)
         )
         self._bus.publish(report)
+
+    def _slower(self) -> str:
+        """Which channels come slower than declared, in words without a figure that changes."""
+        names = self._grid.slower()
+        declared = {row.channel: row.rate_hz for row in self._mapping.channels}
+        told = [f"{name} at {hz:.0f} Hz, declared {declared[name]:g}" for name, hz in names.items()]
+        return (
+            f"readings come slower than declared, what lies between them is left out: "
+            f"{', '.join(told)}; correct rate_hz in {self._mapping.where} and calibrate at that "
+            "rate, or state age_s"
+            if told
+            else ""
+        )
 
 
 def live_sources(parameters: BridgeParameters) -> SourceMapping:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,7 +14,13 @@ from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.errors import RecordingError
 from flea_diag.tools.recordings.wrapped_angle import turn_of
 from flea_diag.wire.records import Scan
-from flea_diag.wire.sources.mapping import AxisMapping, ChannelMapping, SourceMapping
+from flea_diag.wire.sources.mapping import (
+    AGE_READINGS,
+    AxisMapping,
+    ChannelMapping,
+    SourceMapping,
+)
+from flea_diag.wire.sources.scan_grid import SLOWER
 
 MOST_OUTSIDE = 0.01
 """Share of the readings of a channel that may lie outside its range: spikes."""
@@ -164,8 +171,16 @@ def check_rate(
                 f"{words} within {MOST_DRIFT:.0%}: correct rate_hz in {mapping.where}, or the "
                 "clock that stamps them"
             )
-        return f"{words}: taken by their stamps"
+        return f"{words}: {_taken(rows[0], median_s * declared_hz)}"
     return ""
+
+
+def _taken(row: ChannelMapping | AxisMapping, longer: float) -> str:
+    """How readings of another rate are taken; ``longer`` are their intervals than declared."""
+    bridged = getattr(row, "age_s", math.inf) > AGE_READINGS / row.rate_hz
+    if bridged or longer <= SLOWER:
+        return "taken by their stamps"
+    return "taken by their stamps, what lies between is left out: correct rate_hz, or state age_s"
 
 
 def _is_no_use(

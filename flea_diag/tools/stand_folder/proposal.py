@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.configuration.channels import AGE_READINGS
 from flea_diag.core.calibration.power_balance import fitted, rate_of, smoothed
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.errors import RecordingError
@@ -27,6 +26,7 @@ from flea_diag.tools.stand_folder.unit_choice import (
     is_stand_in,
 )
 from flea_diag.tools.stand_folder.unit_relations import unit_relations
+from flea_diag.wire.sources.mapping import AGE_READINGS
 
 if TYPE_CHECKING:
     from flea_diag.tools.series.reading_grid import ReadingGrid

@@ -10,6 +10,8 @@ from flea_diag.wire.records import ChannelInfo, ChannelTable
 from flea_diag.wire.sources.field_path import FieldPath
 
 HOLD, INTERPOLATE, MEAN = "hold", "interpolate", "mean"
+AGE_READINGS = 3.0
+"""Declared intervals for which a reading is used, unless stated."""
 RESAMPLINGS = (INTERPOLATE, HOLD, MEAN)
 """How readings become the value at the time of a scan: on the line between the readings before and
 after it, the reading before it, or the mean of those nearer to it than to any other scan."""

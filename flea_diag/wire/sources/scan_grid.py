@@ -4,23 +4,38 @@ A scan is made when all readings that it takes have come: by stamps alone, so th
 gives the scans that its live stream gave. It waits ``WAIT_NS`` for other topics, and for the
 reading after it of a channel that is interpolated or averaged, but no longer than that channel's
 age limit. A source that is faster than the scans wants the mean: single readings of it alias.
+
+Readings that come slower than declared are not bridged: what lies between them would be made up,
+and tests take it for an error of the sensor. A longer ``age_s`` than the default allows it.
 """
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from itertools import takewhile
 
 from flea_diag.wire.records import Scan
-from flea_diag.wire.sources.mapping import HOLD, INTERPOLATE, MEAN, ChannelMapping, SourceMapping
+from flea_diag.wire.sources.mapping import (
+    AGE_READINGS,
+    HOLD,
+    INTERPOLATE,
+    MEAN,
+    ChannelMapping,
+    SourceMapping,
+)
 
 WAIT_NS = 20_000_000
 """Topics of one instant arrive in any order within this time."""
 LEAP_BACK_NS, LEAP_AHEAD_NS = 1_000_000_000, 10_000_000_000
 LEAPS = 10
 """So many readings in a row whose stamps leap begin a new stream; fewer are errors."""
+LOOK = 25
+"""Readings of which the median interval is their rate."""
+SLOWER = 1.1
+"""Times the declared interval beyond which readings come slower than declared."""
 MOST_READINGS = 10_000
 """Readings of one term that may wait for their scans."""
 
@@ -34,7 +49,18 @@ class _Readings:
         self.half_ns = period_ns // 2 if row.resample == MEAN else 0
         self.age_ns = round(row.age_s * 1e9)
         self._turn = row.turn
+        self._declared_ns = round(1e9 / row.rate_hz)
+        self._may_bridge = row.age_s > AGE_READINGS / row.rate_hz
+        self._gaps: list[int] = []
+        self.slower_hz = 0.0
+        """Rate of readings that come slower than declared, else 0."""
         self.kept: deque[tuple[int, float]] = deque(maxlen=MOST_READINGS)
+
+    def forget(self) -> None:
+        """A new stream begins."""
+        self.kept.clear()
+        self._gaps.clear()
+        self.slower_hz = 0.0
 
     @property
     def newest_ns(self) -> int:
@@ -49,7 +75,27 @@ class _Readings:
         """Take a reading; an angle that begins anew goes on where it was."""
         if self._turn and self.kept:
             value += self._turn * round((self.kept[-1][1] - value) / self._turn)
+        if self.kept and not self._may_bridge:
+            self._note_rate(stamp_ns - self.newest_ns)
         self.kept.append((stamp_ns, value))
+
+    def _note_rate(self, gap_ns: int) -> None:
+        self._gaps.append(gap_ns)
+        if len(self._gaps) == LOOK:
+            every_ns = statistics.median(self._gaps)
+            self._gaps.clear()
+            slower = every_ns > SLOWER * self._declared_ns
+            self.slower_hz = 1e9 / every_ns if slower else 0.0
+
+    @property
+    def _held_ns(self) -> int:
+        """Longest time for which a reading is held."""
+        return self._declared_ns - 1 if self.slower_hz else self.age_ns
+
+    @property
+    def _bridged_ns(self) -> float:
+        """Longest time between two readings that is bridged."""
+        return SLOWER * self._declared_ns if self.slower_hz else self.age_ns
 
     def at(self, time_ns: int) -> float:
         """Value at the time of a scan; older readings are forgotten."""
@@ -64,8 +110,8 @@ class _Readings:
             return math.nan
         before_ns, value = kept[0]
         if not self.interpolates or before_ns == time_ns:
-            return value if time_ns - before_ns <= self.age_ns else math.nan
-        if len(kept) < 2 or kept[1][0] - before_ns > self.age_ns:
+            return value if time_ns - before_ns <= self._held_ns else math.nan
+        if len(kept) < 2 or kept[1][0] - before_ns > self._bridged_ns:
             return math.nan
         after_ns, after = kept[1]
         return value + (after - value) * ((time_ns - before_ns) / (after_ns - before_ns))
@@ -112,7 +158,7 @@ class ScanGrid:
         self._next_ns = self._newest_ns = -1
         self._leaps = 0
         for each in self._readings:
-            each.kept.clear()
+            each.forget()
 
     def push(self, stamp_ns: int, values: Iterable[tuple[int, float]]) -> Iterator[Scan]:
         """Take readings of one instant, as number of the term and value; scans that are complete.
@@ -141,6 +187,12 @@ class ScanGrid:
                 readings.keep(stamp_ns, value)
         self._newest_ns = max(self._newest_ns, stamp_ns)
         yield from self._made(self._complete_ns())
+
+    def slower(self) -> dict[str, float]:
+        """Channels whose readings come slower than declared, each with their rate in Hz."""
+        names = [row.channel for row in self._rows for _ in row.terms]
+        pairs = zip(names, self._readings, strict=True)
+        return {name: each.slower_hz for name, each in pairs if each.slower_hz}
 
     def finish(self) -> Iterator[Scan]:
         """Scans up to the last reading, complete or not."""

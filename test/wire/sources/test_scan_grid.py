@@ -19,7 +19,7 @@ from flea_diag.wire.sources.mapping import (
     SourceMapping,
     SourceTerm,
 )
-from flea_diag.wire.sources.scan_grid import ScanGrid
+from flea_diag.wire.sources.scan_grid import LOOK, ScanGrid
 
 MS = 1_000_000
 START_NS = 1_600_000_000_000 * MS
@@ -50,6 +50,35 @@ def test_a_reading_between_two_scans_is_interpolated_or_held() -> None:
     assert found[0] == (1.0, 11.0)
     assert found[100] == pytest.approx((3.0, 11.0)), "2 * 1.0 + 1, and 2 * 5 + 1"
     assert found[200] == pytest.approx((5.0, 15.0))
+
+
+@pytest.mark.parametrize("resample", [HOLD, INTERPOLATE])
+def test_what_lies_between_readings_of_a_slower_source_is_left_out(resample: str) -> None:
+    """Half the declared rate: bridged until that is known, and not from then on."""
+    made = grid(channel("a", resample, 0.3))
+    readings = [(200 * k, 0, 0.1 * k) for k in range(LOOK + 12)]
+    found = rows(pushed(made, readings) + list(made.finish()))
+    assert made.slower() == {"a": 5.0}
+    known = 200 * LOOK
+    assert all(math.isfinite(found[at][0]) for at in range(0, known - 200, 100))
+    assert all(math.isfinite(found[at][0]) for at in range(known + 400, 7000, 200))
+    assert all(math.isnan(found[at][0]) for at in range(known + 500, 7000, 200))
+
+
+def test_a_source_that_may_be_slow_is_bridged() -> None:
+    """``age_s`` says that a reading may be as old."""
+    made = grid(channel("a", HOLD, 0.5))
+    found = rows(pushed(made, [(200 * k, 0, 0.1 * k) for k in range(2 * LOOK)]))
+    assert made.slower() == {}
+    assert all(math.isfinite(row[0]) for row in found.values())
+
+
+def test_single_losses_are_no_slower_source() -> None:
+    made = grid(channel("a", INTERPOLATE, 0.3))
+    readings = [(100 * k, 0, 0.1 * k) for k in range(4 * LOOK) if k % 5 != 3]
+    found = rows(pushed(made, readings) + list(made.finish()))
+    assert made.slower() == {}
+    assert all(math.isfinite(row[0]) for row in found.values())
 
 
 def test_the_mean_takes_the_readings_nearest_to_a_scan_each_once() -> None:
