@@ -43,7 +43,7 @@ def changed(run: dict[str, Array]) -> set[str]:
 def test_the_catalogue_holds_every_id_that_the_diagnosis_knows() -> None:
     plant = {
         "jam", "spall", "ball_nut_friction", "backlash", "rotor_eccentricity", "winding_short",
-        "winding_open", "motor_failure", "supply_open", "supply_short",
+        "winding_resistance_rise", "winding_open", "motor_failure", "supply_open", "supply_short",
         "accelerometer_1_fault", "accelerometer_2_fault",
     }  # fmt: skip
     sensors = {f"{channel}_{mode}" for channel in SENSOR_CHANNELS for mode in MODES}

@@ -23,6 +23,7 @@ FAULTS = [
     "backlash",
     "rotor_eccentricity",
     "winding_short",
+    "winding_resistance_rise",
     "winding_open",
     "motor_failure",
     "supply_open",

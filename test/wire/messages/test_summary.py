@@ -84,7 +84,7 @@ def test_every_member_is_named_within_the_size(names: tuple[str, ...], limit: in
 
 def test_the_shipped_catalogue_has_reasons_for_the_first_members() -> None:
     names = catalogue()
-    assert len(names) == 66
+    assert len(names) == 67
     told = [member.reason for member in summary(group(*names)).members]
     assert told[0] == REASON
 
@@ -170,7 +170,7 @@ def test_a_bag_of_the_format_with_json_is_read() -> None:
     last = groups[-1]
     assert not last.summary
     assert [member.fault for member in last.members] == ["motor_current_bias"]
-    assert len(last.dropped) == 65
+    assert len(last.dropped) == 66
     first = last.members[0].evidence[-1]
     assert (first.source, first.observed, first.predicted) == ("parity_mechanical_dn", "+0", "+*")
     assert [offset.parameter for offset in last.offsets] == ["current_offset_a", "voltage_offset_v"]
