@@ -25,6 +25,7 @@ from flea_sim_driver.plant.thermal import Temperatures, warmed
 from flea_sim_driver.plant.unit import SimulatedUnit, draw_unit
 from flea_sim_driver.plant.vibration import Severity, Vibration
 from flea_sim_driver.scenario.feasibility import checked_fault
+from flea_sim_driver.scenario.holding import GRIPS_S, engaged
 from flea_sim_driver.scenario.profile import commanded
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import FaultSetting
@@ -67,6 +68,7 @@ class SimulatedStand:
         self.bench = replace(
             machine.bench,
             travel_low_m=travel.low_m, travel_high_m=travel.high_m, stopped=travel.stopped,
+            payload_kg=scenario.load.payload_kg,
         )  # fmt: skip
         self.unit_in_use = run.active_unit
         panel = Instruments(machine, own[2], draws[2], run.unit_spread, sensors.spikes)
@@ -83,7 +85,9 @@ class SimulatedStand:
         self._block = 0
         position, _ = commanded(scenario, np.zeros(1))
         start_m = float(np.clip(position[0], travel.low_m, travel.high_m))
-        self._actuator = ActuatorPlant.at_rest(self.bench, start_m)
+        c = coefficients(self.units[run.active_unit], self.bench)
+        holds_v = c.weight / c.force_constant * (c.resistance + c.droop)
+        self._actuator = ActuatorPlant.at_rest(self.bench, start_m, holds_v)
 
     # -- running ---------------------------------------------------------------------------
 
@@ -160,30 +164,41 @@ class SimulatedStand:
         position, load = commanded(
             self.scenario, np.arange(STEPS, dtype=np.float64) * STEP_S + begin
         )
+        brake, at_s = self.scenario.brake, np.array(times)
+        held = engaged(brake, at_s, GRIPS_S).tolist()
         signals = self._actuator.advance(
-            self._segments(coefficients(unit, self.bench, begin), sizes),
+            self._segments(coefficients(unit, self.bench, begin), sizes, held),
             position,
             load,
             self._disturbance.block(STEPS, float(load[0]), BLOCK_S),
         )
-        return Block(begin, unit, signals, position, load, self._courses, sizes)
+        told = engaged(brake, at_s).astype(np.float64)
+        return Block(begin, unit, signals, position, load, self._courses, sizes, told)
 
     def _segments(
-        self, healthy: Coefficients, sizes: list[Sizes]
+        self, healthy: Coefficients, sizes: list[Sizes], held: list[bool]
     ) -> list[tuple[int, Coefficients]]:
         """One stretch of constant coefficients, or one a scan where a fault changes in it."""
         changing = any(
             e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._courses
         )
-        if not changing and sizes.count(sizes[0]) == len(sizes):
-            return [(STEPS, with_faults(healthy, self._courses, sizes[0], self.time_s))]
+        alike = sizes.count(sizes[0]) == len(sizes) and held.count(held[0]) == len(held)
+        if not changing and alike:
+            return [(STEPS, self._faulty(healthy, sizes[0], held[0], self.time_s))]
+        scan_s = self._sampling.scan_s
         return [
-            (
-                STEPS // len(sizes),
-                with_faults(healthy, self._courses, row, self.time_s + k * self._sampling.scan_s),
-            )
-            for k, row in enumerate(sizes)
+            (STEPS // len(sizes), self._faulty(healthy, row, brake, self.time_s + k * scan_s))
+            for k, (row, brake) in enumerate(zip(sizes, held, strict=True))
         ]
+
+    def _faulty(
+        self, healthy: Coefficients, sizes: Sizes, held: bool, time_s: float
+    ) -> Coefficients:
+        """Coefficients with the faults of a moment; the brake holds with the drive off."""
+        changed = with_faults(healthy, self._courses, sizes, time_s)
+        if not held:
+            return changed
+        return changed._replace(coulomb=changed.coulomb + self.bench.brake_holds_n, bridge=0.0)
 
     def _warm(self, block: Block) -> Temperatures:
         """Temperatures at the end of the block; the idle unit cools."""

@@ -33,7 +33,7 @@ def channels_of(stand: Stand) -> dict[str, str]:
     from flea_diag.core.residuals.channel_units import UNITS
 
     model = described(stand.actuator)
-    own = {**{name: row.unit for name, row in model.sensors.items()}, **model.inputs}
+    own = model.units
     every = {**UNITS, **OTHERS}
     return {**every, **{name: every.get(name, unit) for name, unit in own.items()}}
 

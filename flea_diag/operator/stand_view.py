@@ -8,7 +8,7 @@ from dataclasses import replace
 from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.stream import StreamState
-from flea_diag.wire.records import ChannelQuality, Health, Level, Quality, Scan
+from flea_diag.wire.records import MODE, ChannelQuality, Health, Level, Quality, Scan
 from flea_diag.wire.wording import QUALITY_LEVEL
 
 COMPONENT = ": "
@@ -78,13 +78,19 @@ def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
         return None
     rows = quality_rows(state, now_ns)
     bad = [row for row in rows if row.quality != Quality.GOOD]
-    good = len(rows) - len(bad)
+    modes = [row for row in rows if row.channel == MODE and row.quality == Quality.GOOD]
+    good = len(rows) - len(bad) - len(modes)
     lines = tuple(
         Line(
             f"{row.channel:28} {row.quality.value} since {clock(row.since_ns)}: {row.reason}",
             QUALITY_LEVEL[row.quality] or None,
         )
         for row in bad
+    )
+    lines += tuple(
+        Line(f"{row.channel:28} {row.reason} since {clock(row.since_ns)}")
+        for row in modes
+        if row.reason
     )
     return Panel("channels", f"CHANNELS  {good} good, {len(bad)} not", lines)
 

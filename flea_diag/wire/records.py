@@ -19,6 +19,7 @@ from flea_diag.wire.vocabulary import BY_DESIGN as BY_DESIGN
 from flea_diag.wire.vocabulary import DRIVER_DEAD as DRIVER_DEAD
 from flea_diag.wire.vocabulary import EARLIER_LEVEL as EARLIER_LEVEL
 from flea_diag.wire.vocabulary import END_OF_TRAVEL as END_OF_TRAVEL
+from flea_diag.wire.vocabulary import MODE as MODE
 from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
 from flea_diag.wire.vocabulary import OFF_RATE as OFF_RATE
 from flea_diag.wire.vocabulary import OTHER_UNIT as OTHER_UNIT

@@ -22,6 +22,8 @@ END_OF_TRAVEL = "end_of_travel"
 """Row of ``data_quality`` while the actuator is at an end of its travel, and what follows."""
 OUTSIDE_CALIBRATION = "outside_calibration"
 """Row of ``data_quality`` while the motion is far outside what the calibration has seen."""
+MODE = "mode"
+"""Row of ``data_quality`` of a machine whose modes a channel tells: which hold, what follows."""
 OTHER_UNIT = "unit"
 """Row of ``data_quality`` of a unit that is none of the calibration's, with what differs: saturated
 beyond what healthy units differ by, else good."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,8 @@ class Block:
     courses: tuple[FaultCourse, ...]
     sizes: list[Sizes]
     """Of each fault, scan by scan."""
+    brake: Array = field(default_factory=lambda: np.zeros(1))
+    """1 in scans in which the brake is commanded to engage, else 0."""
 
     def column(self, signal: str) -> Array:
         """One plant signal at every step, shape (steps,)."""
@@ -111,6 +113,7 @@ class Acquisition:
             "commanded_voltage": block.mean("command"),
             "commanded_position": block.scan_mean(block.position),
             "commanded_load": load * (self._bench.crank_radius_m or 1.0),
+            "brake_engaged": block.brake,
         }
 
     def _electrical(self, block: Block) -> dict[str, Array]:
@@ -126,6 +129,7 @@ class Acquisition:
             "motor_current": current + block.unit.current_offset_a,
             "motor_voltage": voltage + block.unit.voltage_offset_v,
             "load_motor_current": block.mean("load_current") + self._sampling.load_current_offset_a,
+            "bus_voltage": block.mean("supply"),
         }
 
     def _mechanical(self, block: Block) -> dict[str, Array]:

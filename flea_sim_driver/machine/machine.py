@@ -97,6 +97,7 @@ class Limits:
     amplitude_m: float
     """Of the motion of a scenario that gives none."""
     centre_m: float
+    payload_kg: NotNegative = 0.0
 
 
 @dataclass(frozen=True)

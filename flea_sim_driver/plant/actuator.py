@@ -89,7 +89,8 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         "droop_lag": bench.droop_lag_s,
         "coupling_stiffness": bench.coupling_stiffness_n_m,
         "coupling_damping": bench.coupling_damping_n_s_m,
-        "load_mass": bench.load_mass_kg,
+        "load_mass": bench.load_mass_kg + bench.payload_kg,
+        "weight": bench.gravity_m_s2 * (bench.load_mass_kg + bench.payload_kg),
         "load_coulomb": bench.load_coulomb_n,
         "load_viscous": bench.load_viscous_n_s_m,
         "load_drag": bench.load_drag_n,
@@ -179,10 +180,11 @@ class ActuatorPlant:
     state: Array
 
     @classmethod
-    def at_rest(cls, bench: Bench, position_m: float) -> ActuatorPlant:
-        """Both sides at rest at one position."""
+    def at_rest(cls, bench: Bench, position_m: float, holds_v: float = 0.0) -> ActuatorPlant:
+        """Both sides at rest at one position; ``holds_v`` is what the loop holds a weight by."""
         state = np.zeros(len(STATES))
         state[STATES.index("position")] = state[STATES.index("load_position")] = position_m
+        state[STATES.index("wish")] = holds_v
         return cls(bench, state)
 
     def advance(

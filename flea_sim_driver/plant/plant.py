@@ -23,7 +23,7 @@ STATES = (
 )  # fmt: skip
 SIGNALS = (
     "current", "voltage", "command", "speed", "position", "load_position", "force",
-    "load_current", "friction_power", "slipped",
+    "load_current", "friction_power", "slipped", "supply",
 )  # fmt: skip
 Array = npt.NDArray[np.float64]
 
@@ -81,6 +81,7 @@ class Coefficients(NamedTuple):
     coupling_stiffness: float
     coupling_damping: float
     load_mass: float
+    weight: float
     load_coulomb: float
     load_viscous: float
     load_drag: float
@@ -230,7 +231,7 @@ def _load_resistance(
     """Force of the load actuator against its motion: motor, friction, end stops, roughness."""
     stop = _stop_force(c, xl, vl, c.load_low, c.load_high)
     resist = c.load_constant * iz + c.load_viscous * vl + stop
-    resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
+    resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed) + c.weight
     # Bounded: noise that grew with speed without limit would drive the speed.
     rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
     rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
@@ -282,6 +283,7 @@ def _integrate(
         row[6], row[7] = force, iz
         row[8] = (drag + c.viscous * abs(v)) * abs(v)
         row[9] = slipped
+        row[10] = max(c.supply - c.supply_resistance * abs(i), 0.0)
     state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped)
 
 

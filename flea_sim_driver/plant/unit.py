@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flea_diag.fields.values import AboveZero
+from flea_diag.fields.values import AboveZero, NotNegative
 
 
 @dataclass(frozen=True)
@@ -145,3 +145,9 @@ class Bench:
     load_centre_m: float = 0.0
     crank_radius_m: float = 0.0
     """Lever of a crank that the nut turns, square to it at ``load_centre_m``; 0: none."""
+    gravity_m_s2: float = 0.0
+    """By which the load side and its payload pull against extension: 9.81 for a vertical axis."""
+    payload_kg: NotNegative = 0.0
+    """On the load side, of a scenario that gives none."""
+    brake_holds_n: NotNegative = 0.0
+    """Dry friction of the holding brake on the motor's side; 0: none."""

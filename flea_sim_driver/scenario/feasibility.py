@@ -10,6 +10,7 @@ from dataclasses import replace
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver import faults
 from flea_sim_driver.machine.machine import Limits
+from flea_sim_driver.scenario.holding import SLOWS_S
 from flea_sim_driver.scenario.profile import Peaks, peaks
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import FaultSetting, HardStops
@@ -22,6 +23,7 @@ def checked_scenario(scenario: Scenario, where: str) -> Scenario:
     _check_stand(scenario, where)
     settings = tuple(checked_fault(row, scenario, where) for row in scenario.faults)
     _check_units(scenario, where)
+    _check_brake(scenario, where)
     return replace(scenario, faults=settings)
 
 
@@ -101,6 +103,21 @@ def _check_units(scenario: Scenario, where: str) -> None:
                 f"{where}: {row.fault}: unit {row.unit} is never in use; set active_unit, or "
                 f"switch.at_s and switch.to"
             )
+
+
+def _check_brake(scenario: Scenario, where: str) -> None:
+    brake = scenario.brake
+    if brake.for_s and not scenario.machine.bench.brake_holds_n:
+        raise ConfigurationError(
+            f"{where}: brake.for_s = {shown(brake.for_s)} s, but {scenario.machine.name} has no "
+            "brake; leave it out, or give the machine bench: brake_holds_n"
+        )
+    least_s = brake.for_s + 2.0 * SLOWS_S
+    if brake.every_s and brake.every_s < least_s:
+        raise ConfigurationError(
+            f"{where}: brake.every_s = {shown(brake.every_s)} s is less than {least_s:g} s, for_s "
+            "and the time to slow down and to start again"
+        )
 
 
 def checked_fault(setting: FaultSetting, scenario: Scenario, where: str) -> FaultSetting:

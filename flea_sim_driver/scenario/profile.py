@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from flea_sim_driver.scenario.holding import motion_time
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import Load, Motion
 
@@ -66,8 +67,9 @@ SHAPES: dict[str, Callable[[Motion, Array, float], Array]] = {
 def commanded(scenario: Scenario, time_s: Array) -> tuple[Array, Array]:
     """Commanded position in m and load in N at times in s after the start, shapes (n,)."""
     motion = scenario.motion
+    real_s, time_s = time_s, motion_time(scenario.brake, time_s)
     swell = _smooth(np.clip(time_s / motion.start_s, 0.0, 1.0))
-    load = swell * _load(scenario.load, time_s)
+    load = swell * _load(scenario.load, real_s)
     if scenario.flight is not None:
         position, flown = scenario.flight.at(time_s)
         return position, flown + load

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from typing import Any
 
@@ -10,6 +10,7 @@ from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.plant.structure import StructureSpread
 from flea_sim_driver.scenario.flight import Flight
 from flea_sim_driver.scenario.settings import (
+    Brake,
     FaultSetting,
     HardStops,
     Load,
@@ -34,6 +35,7 @@ class Scenario:
     spread: Any
     """Relative standard deviation of each parameter in which units of the machine differ."""
     structure: StructureSpread
+    brake: Brake = field(default_factory=Brake)
     faults: tuple[FaultSetting, ...] = ()
     flight: Flight | None = None
 

@@ -10,10 +10,11 @@ from typing import Any, get_type_hints
 from flea_diag.wire.parameters import build, parameter
 from flea_sim_driver.machine.machine import Limits, Machine
 from flea_sim_driver.plant.structure import StructureSpread
-from flea_sim_driver.scenario.settings import HardStops, Load, Motion, Sensors, Switch
+from flea_sim_driver.scenario.settings import Brake, HardStops, Load, Motion, Sensors, Switch
 
 SECTIONS: dict[str, type] = {
     "motion": Motion, "load": Load, "travel": HardStops, "sensors": Sensors, "switch": Switch,
+    "brake": Brake,
     "structure": StructureSpread,
 }  # fmt: skip
 SPREAD = "spread"
@@ -75,6 +76,7 @@ def _own(name: str, machine: Machine) -> Mapping[str, Mapping[str, Any]]:
         return {
             "constant_n": {"minimum": -limits.load_n, "maximum": limits.load_n},
             "amplitude_n": {"maximum": limits.load_n},
+            "payload_kg": {"default": bench.payload_kg, "maximum": limits.payload_kg},
         }
     if name == "travel":
         low, high = bench.travel_low_m, bench.travel_high_m

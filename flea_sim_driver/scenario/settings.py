@@ -60,6 +60,16 @@ class Load:
     constant_n: float = parameter(0.0, "constant part", unit="N")
     amplitude_n: float = parameter(0.0, "sinusoidal part", unit="N", minimum=0.0)
     frequency_hz: float = parameter(0.1, "of that part", unit="Hz", minimum=0.001, maximum=2.0)
+    payload_kg: float = parameter(0.0, "on the load side", unit="kg", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class Brake:
+    """When the holding brake is engaged: the motion slows down before, and the drive is off."""
+
+    first_s: float = parameter(0.0, "when it engages first", unit="s", minimum=0.0)
+    for_s: float = parameter(0.0, "for how long; 0: never", unit="s", minimum=0.0)
+    every_s: float = parameter(0.0, "how often; 0: once", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from flea_sim_driver.stand import SimulatedStand
         ("ema", "magnet_loss", "winding_short"),
         ("wing", "winding_resistance_rise", "winding_short"),
         ("joint", "gear_friction", "jam"),
+        ("axis", "gear_friction", "jam"),
     ],
 )
 def test_a_fault_of_another_machine_is_found_by_its_description(

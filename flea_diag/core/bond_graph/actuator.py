@@ -21,6 +21,7 @@ from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
+from flea_diag.core.bond_graph.modes import modes
 from flea_diag.core.bond_graph.tolerance import free_per_run, tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.scan_counts import SMOOTHING_S, SMOOTHINGS_S
@@ -58,6 +59,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
             elements.append(_detector(sensor, elements, parameters, where))
             arrows.append((sensor.at, elements[-1].name))
     graph = bond_graph(top.name, tuple(elements), tuple(arrows), parameters)
+    units = {name: sensor.unit for name, sensor in sensors.items()}
     result = Actuator(
         top.name,
         top.description,
@@ -74,6 +76,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         tolerances(top.tolerances, (*top.base_parameters, HEATING), f"{where}: tolerances"),
         top.smoothing_s,
         free_per_run(top.free_per_run, top.base_parameters, f"{where}: free_per_run"),
+        modes(top.modes, graph, inputs | units, top.residuals, where),
     )
     if sound:
         _check(result, where)
@@ -102,6 +105,7 @@ class _Description:
     travel: Mapping[str, Any] = field(default_factory=dict)
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
     free_per_run: tuple[str, ...] = ()
+    modes: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

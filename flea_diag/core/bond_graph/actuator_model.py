@@ -17,6 +17,7 @@ from flea_diag.core.bond_graph.causal_relation import (
     with_measured,
 )
 from flea_diag.core.bond_graph.causality import Causality, require_sound
+from flea_diag.core.bond_graph.modes import MachineMode
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
@@ -97,6 +98,12 @@ class ResidualSpec:
         return self.kind in ("junction", "power")
 
     @property
+    def pair(self) -> tuple[str, ...]:
+        """Readings that a difference holds against each other, or one against a parameter."""
+        read = (self.channel, self.reference) if self.kind == "difference" else ()
+        return tuple(filter(None, read))
+
+    @property
     def predicts(self) -> bool:
         """Whether it is a reading less what a model predicts for it."""
         return self.kind in ("measurement", "prediction")
@@ -135,6 +142,8 @@ class Actuator:
     """Time over which readings are smoothed."""
     free_per_run: tuple[str, ...] = ()
     """Base parameters that any recording may have its own value of: a payload, a counterweight."""
+    modes: Mapping[str, MachineMode] = field(default_factory=dict)
+    """Modes that a channel tells, by name."""
 
     @cached_property
     def causality(self) -> Causality:
@@ -144,7 +153,8 @@ class Actuator:
     @cached_property
     def units(self) -> dict[str, str]:
         """Unit of every channel and input."""
-        return {**self.inputs, **{s.channel: s.unit for s in self.sensors.values()}}
+        told = {mode.channel: mode.unit for mode in self.modes.values()}
+        return {**told, **self.inputs, **{s.channel: s.unit for s in self.sensors.values()}}
 
     @cached_property
     def base_units(self) -> dict[str, str]:

@@ -55,7 +55,12 @@ def check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
                 f"{place}: divided_by {shown(spec.divided_by)} is no parameter"
             )
         return
-    for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
+    if spec.kind == "difference" and not (spec.reference or spec.offset):
+        raise ConfigurationError(
+            f"{place}: {spec.channel} is held against nothing; name a reference, or as its offset "
+            "the parameter that it reads while healthy"
+        )
+    for channel in (spec.channel, *((spec.reference,) if spec.reference else ())):
         if channel not in made.units:
             raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
     between = made.graph.elements.get(spec.across)

@@ -79,6 +79,8 @@ class RelationFits:
             return None
         rows = np.array([np.isfinite(self.signals[signal]) for signal in relation.signals])
         use &= rows.all(axis=0)
+        if name in self.data.void:
+            use &= ~self.data.void[name]
         if not use.any():
             return None
         known = {k: v for k, v in asdict(self.result.parameters).items() if k not in unknown}

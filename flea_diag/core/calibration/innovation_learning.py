@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import noise_identification
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.flag_runs import flag_runs
+from flea_diag.core.machine_modes import OUT, MachineModes
 from flea_diag.core.observers.innovation_residual import normalised
 from flea_diag.core.observers.observer_block import innovated_places
 from flea_diag.core.observers.observer_noise import ObserverNoise
@@ -25,8 +27,10 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 Trace = Callable[[ActuatorParameters, Array], Array]
 """Innovation residuals of a whole recording by an observer of an actuator with these parameters,
 shape (scans, innovations); the seed is fixed."""
@@ -71,7 +75,23 @@ class Observing:
             noise=self.noise,
             voltage_sampling=self.voltage_sampling,
         )
-        return normalised(observer.follow(rows), innovated_places(self.relations.residuals))
+        places = innovated_places(self.relations.residuals)
+        if not self.relations.residuals.modes:
+            return normalised(observer.follow(rows), places)
+        found = np.full((len(rows), len(self.relations.residuals.innovations)), np.nan)
+        for start, stop in flag_runs(followed_in(rows, self.relations, self.period_s)):
+            observer.interrupt()
+            found[start:stop] = normalised(observer.follow(rows[start:stop]), places)
+        return found
+
+
+def followed_in(rows: Array, relations: RelationSet, period_s: float) -> Flags:
+    """Scans in which the equations of motion hold in every mode of the machine, shape (n,)."""
+    known = relations.residuals
+    modes = MachineModes(known.modes, period_s, ScanCounts(period_s, known.smoothing_s).kernel)
+    lost = [k for k, mode in enumerate(known.modes) if not mode.followed]
+    followed: Flags = (modes.step(rows)[0][:, lost] == OUT).all(axis=1)
+    return followed
 
 
 def learn(
@@ -99,7 +119,8 @@ def learn(
     if not tested:
         nothing = tuple(np.empty((len(run.rows), 0)) for run in runs)
         return ObserverStatistics(ObserverNoise(), nothing, {})
-    noise = noise_identification.fitted(runs, parameters, relations, period_s, voltage_sampling)
+    free = [_free(run, relations, period_s) for run in runs]
+    noise = noise_identification.fitted(free, parameters, relations, period_s, voltage_sampling)
 
     trace = Observing(relations, period_s, voltage_sampling, noise).trace
     rows = [run.rows for run in runs]
@@ -108,6 +129,15 @@ def learn(
     spread = unit_spread(rows, parameters, tolerance, trace)
     named = zip(relations.residuals.innovations, spread.tolist(), strict=True)
     return ObserverStatistics(noise, residuals, {name: tuple(row) for name, row in named})
+
+
+def _free(run: NominalRun, relations: RelationSet, period_s: float) -> NominalRun:
+    """The longest stretch of a recording in which the equations of motion hold."""
+    if not relations.residuals.modes:
+        return run
+    free = flag_runs(followed_in(run.rows, relations, period_s))
+    start, stop = max(free, key=lambda ends: ends[1] - ends[0], default=(0, 0))
+    return replace(run, rows=run.rows[start:stop])
 
 
 def unit_spread(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.machine_modes import MachineModes
 from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -38,6 +39,9 @@ class Smoothed:
     """Scans that one smoothed value rests on."""
     fold: Numbers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """Of each recording, the number of the group that is left out together with it."""
+    void: Mapping[str, Flags] = field(default_factory=dict)
+    """Relation -> rows in which it does not hold, for a mode of the machine; those of any other
+    relation are not there."""
 
     def column(self, channel: str) -> Array:
         """Smoothed values of one channel."""
@@ -84,7 +88,7 @@ def smooth(
     """All runs, smoothed with the kernel of the diagnoser."""
     kernels = hann_kernels(kernel_length, period_s)
     parts: list[list[Array]] = [[], [], []]
-    numbers = []
+    numbers, voids = [], []
     for number, run in enumerate(runs):
         if len(run.rows) < kernel_length:
             continue
@@ -92,7 +96,23 @@ def smooth(
         for part, kernel in zip(parts, kernels, strict=True):
             part.append(windows @ kernel)
         numbers.append(np.full(len(windows), number))
+        voids.append(_void(run, rows, kernel_length, period_s))
     if not numbers:
         raise CalibrationError("no recording is as long as the smoothing window")
     value, first, second = (np.concatenate(part) for part in parts)
-    return Smoothed(rows, value, first, second, np.concatenate(numbers), kernel_length)
+    run_of = np.concatenate(numbers)
+    void = {name: np.concatenate([each[name] for each in voids]) for name in voids[0]}
+    return Smoothed(rows, value, first, second, run_of, kernel_length, void=void)
+
+
+def _void(
+    run: NominalRun, rows: ResidualSet, kernel_length: int, period_s: float
+) -> dict[str, Flags]:
+    """Relation -> smoothed rows of a recording in which it does not hold, for a mode."""
+    modes = MachineModes(rows.modes, period_s, kernel_length)
+    told = {rows.relation(rows.rows[j].name) for m in rows.modes for j in (*m.voids, *m.only)}
+    found = {name: np.zeros(len(run.rows), dtype=bool) for name in told}
+    for columns, flags in modes.step(run.rows)[1]:
+        for name in {rows.relation(rows.rows[j].name) for j in columns}:
+            found[name] |= flags
+    return {name: flags[kernel_length - 1 :] for name, flags in found.items()}

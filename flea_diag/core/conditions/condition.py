@@ -59,6 +59,12 @@ def _settling(known: RelationSet) -> Columns:
     return rows.columns(row.name for row in rows.parities if row.settles_s)
 
 
+def _of_modes(known: RelationSet) -> Columns:
+    """Residuals that have no value in some mode of the machine, or in all others."""
+    modes = known.residuals.modes
+    return sorted({j for mode in modes for j in (*mode.voids, *mode.only)})
+
+
 def _of_relations(known: RelationSet) -> Columns:
     """All that is formed from readings: those that need the clipped one."""
     tested = range(len(known.residuals.rows))[known.residuals.sensor_columns]
@@ -114,6 +120,12 @@ CONDITIONS: tuple[Condition, ...] = (
         "both readings of a speed are out of the range of the recordings: no sensor is at fault",
         "core.conditions.envelope_watch",
         _of_one_speed,
+    ),
+    Condition(
+        "machine_mode",
+        "a channel says that the machine is in a mode of its description, as held by its brake",
+        "core.machine_modes",
+        _of_modes,
     ),
     Condition(
         "settling_drive",

@@ -154,7 +154,12 @@ def junction_balance(actuator: Actuator, junction: str) -> Expression:
 
 
 def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
-    """Two readings of one quantity, the reference up to a gain, and what lies between them."""
+    """Two readings of one quantity, the reference up to a gain, and what lies between them.
+
+    Without a reference a reading is held against the parameter that it reads while healthy.
+    """
+    if not spec.reference:
+        return Variable(spec.channel) - Variable(spec.offset)
     one, other = _common_terms(actuator, spec.channel, spec.reference)
     gap = one - (Variable(spec.gain) * other if spec.gain else other)
     if spec.across:

@@ -59,8 +59,7 @@ def relation_set(
         shaped = rewritten(base.form(relation.expression), shape_of)
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
-        pair = (spec.channel, spec.reference) if spec.kind == "difference" else ()
-        rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind, pair))
+        rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind, spec.pair))
         if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
             push = rewritten(base.form(bare.expression), shape_of)

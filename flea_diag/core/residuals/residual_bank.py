@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.machine_modes import OUT, MachineModes
 from flea_diag.core.residuals.bank_loops import bank_of, layout, winding_of
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
@@ -73,6 +74,8 @@ class ResidualBank:
         self._still = 0
         self._smoother = Smoother(len(rows.channels), counts.kernel, period_s)
         self._settling = Settling(rows, period_s, counts.kernel)
+        self._modes = MachineModes(rows.modes, period_s, counts.kernel) if rows.modes else None
+        self._held = [k for k, row in enumerate(rows.modes) if row.stands]
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
@@ -92,7 +95,16 @@ class ResidualBank:
             signals, motion = _table(x, len(rows)), _table(way, len(rows))
             formed = ResidualRows(values, spread, signals, motion, moving)
         self._settling.leave_out(formed)
+        if self._modes is not None:
+            self._leave_out(self._modes, rows, formed)
         return formed
+
+    def _leave_out(self, modes: MachineModes, rows: Array, formed: ResidualRows) -> None:
+        """Drop what has no value in a mode; what a brake holds does not stand against a drag."""
+        formed.modes, voids = modes.step(rows)
+        for columns, scans in voids:
+            formed.leave_out(scans, list(columns))
+        formed.moving[(formed.modes[:, self._held] != OUT).any(axis=1)] = False
 
     def _follow(
         self, rows: Array, smooth: Array, frozen: bool, values: Array, spread: Array
@@ -149,6 +161,8 @@ class ResidualBank:
         """A gap in the stream: restart smoothing, keep the temperatures."""
         self._smoother.clear()
         self._still = 0
+        if self._modes is not None:
+            self._modes.interrupt()
 
     def _signals(
         self, rows: Array, smooth: Array, frozen: bool, values: Array

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.machine_modes import ModeRow
 from flea_diag.core.residuals.channel_units import CURRENT, ENCODER, LOAD, POSITION
 from flea_diag.core.scan_counts import SMOOTHING_S
 from flea_diag.core.sensors.sensor_set import SensorSet
@@ -144,6 +145,8 @@ class ResidualSet(Frozen):
         Residual that is in no signature table -> sensors whose faults alone move it.
     smoothing_s
         Time over which readings are smoothed.
+    modes
+        Modes of the machine that a channel tells.
     """
 
     units: Mapping[str, str]
@@ -170,6 +173,7 @@ class ResidualSet(Frozen):
     of_one_speed: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smoothing_s: float = SMOOTHING_S
+    modes: tuple[ModeRow, ...] = ()
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -327,7 +331,8 @@ class ResidualRows:
     (n, signals), are those of the relations, in their order, smoothed, NaN where a channel is
     absent or bad. ``motion``, shape (n, 2), is the speed at the nut, m/s, and the smooth sign of
     the motion, or of the push where the actuator is stalled. ``moving``, (n,), includes a
-    standstill under a force that moves any healthy unit.
+    standstill under a force that moves any healthy unit. ``modes``, shape (n, modes), are the
+    states of ``ResidualSet.modes``.
     """
 
     values: Array
@@ -335,6 +340,7 @@ class ResidualRows:
     signals: Array
     motion: Array
     moving: Flags
+    modes: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
 
     def __len__(self) -> int:
         return len(self.values)

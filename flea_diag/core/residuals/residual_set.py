@@ -7,16 +7,19 @@ sensors, innovations. Within each it is that of the description.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec, Sensor
 from flea_diag.core.bond_graph.bond_graph import SOURCES
+from flea_diag.core.bond_graph.modes import MachineMode
+from flea_diag.core.machine_modes import ModeRow
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
 from flea_diag.core.residuals.measured_graph import MECHANICAL, channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
+from flea_diag.core.residuals.stop import reactions_at
 from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.core.symbolic.expression import symbols
 from flea_diag.errors import ModelError
@@ -39,7 +42,7 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
     twins = tuple(r.name for r in rows if {r.channel, r.reference} <= motion - {""})
     friction = next((row.name for row in known.relations if DIRECTION in row.signals), "")
     circuit = next((row.name for row in rows if _is_circuit(actuator, row)), "")
-    voltage, current = (_reads(actuator, kind, ("electrical",)) for kind in ("0", "1"))
+    voltage, current = _motor_voltage(actuator), _reads(actuator, "1", ("electrical",))
     command = _command(actuator, rows, voltage)
     sensors = _sensors(actuator, units, encoder, voltage, command)
     made = ResidualSet(
@@ -64,7 +67,39 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
         own=dict(_own(actuator, [*(row.name for row in parities), *predictions])),
         smoothing_s=actuator.smoothing_s,
     )
-    return _observed(actuator, known, made)
+    made = _observed(actuator, known, made)
+    modes = tuple(_mode(actuator, known, made, mode) for mode in actuator.modes.values())
+    told = [(made.channels[m.channel], j) for m in modes for j in (*m.voids, *m.only)]
+    parities = tuple(
+        replace(row, needs=tuple(dict.fromkeys((*row.needs, *(c for c, k in told if k == j)))))
+        for j, row in enumerate(made.parities)
+    )
+    return replace(made, modes=modes, parities=parities)
+
+
+def _mode(actuator: Actuator, known: RelationSet, rows: ResidualSet, mode: MachineMode) -> ModeRow:
+    """A mode with the columns that it voids: those named, and balances of the part it holds."""
+    held = reactions_at(actuator, mode.holds, known.names) if mode.holds else {}
+    void, only = (
+        [rows.relation(name) for name in names] for names in ((*held, *mode.voids), mode.only)
+    )
+    balances = [name for name in void if actuator.residuals[name].balances]
+    return ModeRow(
+        mode.name,
+        rows.index[mode.channel],
+        mode.above,
+        mode.below,
+        mode.settles_s,
+        tuple(_values(rows, void)),
+        tuple(_values(rows, only)),
+        bool(mode.holds),
+        not balances,
+    )
+
+
+def _values(rows: ResidualSet, names: Sequence[str]) -> list[int]:
+    """Columns of relations, normalised or not, and of predictions."""
+    return [j for j, row in enumerate(rows.rows) if rows.relation(row.name) in names]
 
 
 def relation_names(actuator: Actuator) -> tuple[str, ...]:
@@ -95,6 +130,19 @@ def _reads(actuator: Actuator, kind: str, domains: tuple[str, ...]) -> str:
             if place.kind == kind and place.domain in domains:
                 return sensor.channel
     return ""
+
+
+def _motor_voltage(actuator: Actuator) -> str:
+    """The first sensor of the voltage at a motor; that of a link or a battery is none."""
+    graph = actuator.graph
+    motors = {bond.other(e.name) for e in graph.of_kind("GY") for bond in graph.at(e.name)}
+    beside = {bond.other(name) for name in motors for bond in graph.at(name)}
+    at_motor = {
+        name: sensor
+        for name, sensor in actuator.sensors.items()
+        if not motors or sensor.at in motors | beside
+    }
+    return _reads(replace(actuator, sensors=at_motor), "0", ("electrical",))
 
 
 def _command(actuator: Actuator, rows: list[ResidualSpec], voltage: str) -> str:
@@ -171,6 +219,7 @@ def _needs(
 def _units(actuator: Actuator, known: RelationSet) -> Mapping[str, str]:
     """Unit of every sensor, and of every input that a relation reads; standard channels first."""
     read = {channel_of(signal)[0] for signal in known.signals} | set(known.neighbours)
+    read |= {mode.channel for mode in actuator.modes.values()}
     names = [n for n in actuator.units if n in actuator.sensors or n in read]
     standard = [name for name in UNITS if name in names]
     return {name: actuator.units[name] for name in dict.fromkeys((*standard, *names))}

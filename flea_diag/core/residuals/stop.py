@@ -69,13 +69,14 @@ def stop_of(actuator: Actuator, relations: Iterable[str]) -> Stop:
         return Stop()
     moved = {c: place for view in actuator.views.values() for c, place in view.moved.items()}
     channels = tuple(s.channel for s in displaced if at in (s.at, moved.get(s.channel)))
-    reactions = MappingProxyType(_reactions(actuator, at, relations))
+    reactions = MappingProxyType(reactions_at(actuator, at, relations))
     if travel is None:
         return Stop(channels=channels, reactions=reactions)
     return Stop(travel.low_m, travel.high_m, travel.within_m, channels, reactions)
 
 
-def _reactions(actuator: Actuator, at: str, relations: Iterable[str]) -> dict[str, float]:
+def reactions_at(actuator: Actuator, at: str, relations: Iterable[str]) -> dict[str, float]:
+    """Relation -> d r / d effort of what holds the flow of a junction, NaN where that varies."""
     stopped, found = _stopped(actuator, at), {}
     for name in relations:
         relation = parity_relation(stopped, actuator.residuals[name])

@@ -48,8 +48,8 @@ class IsolatorOutput:
         stand = self._stand
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
-        conditions = stand.contact, stand.outside, stand.beyond, stand.accepted, unjudged
-        state = (outcome, number, names, stand.bad, *conditions)
+        conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
+        state = (outcome, number, names, stand.bad, *conditions, unjudged)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:

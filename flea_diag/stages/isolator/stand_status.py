@@ -19,6 +19,7 @@ from flea_diag.errors import shown
 from flea_diag.stages.judgement.unjudged import Unjudged
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
+    MODE,
     NEVER_NS,
     OFF_RATE,
     OTHER_UNIT,
@@ -63,6 +64,8 @@ class StandStatus:
     bad: tuple[str, ...] = ()
     contact: ChannelQuality | None = None
     """The row of data quality while the actuator is at an end of its travel."""
+    mode: ChannelQuality | None = None
+    """The row of data quality while the machine is in a mode that a channel tells."""
     outside: ChannelQuality | None = None
     """The row of data quality while the motion is outside what the calibration has seen."""
     unjudged: Unjudged = field(default_factory=Unjudged)
@@ -142,6 +145,7 @@ class StandStatus:
         self.off_rate = next((r.reason for r in rows if r.reason.startswith(OFF_RATE)), "")
         self.contact = _condition(quality, END_OF_TRAVEL)
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
+        self.mode = next((r for r in quality.channels if r.channel == MODE and r.reason), None)
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
         self.unjudged = Unjudged.of(quality, self.residuals)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)

@@ -180,7 +180,7 @@ def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     assumption = " (single-fault assumption)" if episode is not None else ""
     start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
     assumption += _outside(stand) if episode is not None else ""
-    return assumption + _at_its_end(stand) + _taken_back(stand) + start
+    return assumption + _at_its_end(stand) + _in_mode(stand) + _taken_back(stand) + start
 
 
 def _at_its_end(stand: StandStatus) -> str:
@@ -190,6 +190,16 @@ def _at_its_end(stand: StandStatus) -> str:
     since_s = (stand.contact.since_ns - stand.start_ns) / 1e9
     place, _, follows = stand.contact.reason.partition(": ")
     return f"; {place} since {since_s:.2f} s after the start, {follows}"
+
+
+def _in_mode(stand: StandStatus) -> str:
+    """Remark that the machine is in a mode that a channel tells, and what is not tested in it."""
+    if stand.mode is None:
+        return ""
+    since_s = (stand.mode.since_ns - stand.start_ns) / 1e9
+    name, _, follows = stand.mode.reason.partition(": ")
+    said = f"; {name} since {since_s:.2f} s after the start"
+    return f"{said}, {follows}" if follows else said
 
 
 def _outside(stand: StandStatus) -> str:

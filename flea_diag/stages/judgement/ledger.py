@@ -27,6 +27,7 @@ RECENT = 10
 """Seconds that count as recent."""
 LEAST_S = 3.0
 """Time in which a test should have judged before it can count as not judged."""
+AT_END = "void at an end of travel"
 LOW, HIGH = 0.1, 0.3
 """Share of that time below which a test counts as not judged, and from which as judged again."""
 
@@ -98,6 +99,8 @@ class JudgementLedger:
         self._recent: list[_Second] = []
         self._run = self._nothing()
         self._low: Flags = np.zeros(len(self._rows), dtype=bool)
+        self.mode = ""
+        """Mode of the machine for which tests are void; empty: none."""
         self.turned = False
         """Whether the last scan has changed which tests count as not judged."""
         self.unsaid = False
@@ -230,7 +233,7 @@ class JudgementLedger:
             return Cause.GAP, f"{_share(lost, scans + lost)} of the scans lost"
         if self._rows[test].gate != "sensor":
             if void:
-                return Cause.VOID, "void at an end of travel"
+                return Cause.VOID, f"void in mode {self.mode}" if self.mode else AT_END
             if outside:
                 return Cause.OUTSIDE, "outside the calibration"
         return Cause.UNFORMED, "not formed: settling, or too few scans in a row"

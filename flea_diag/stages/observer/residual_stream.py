@@ -21,6 +21,7 @@ from flea_diag.core.sensors.reading_jump import ReadingJumps
 from flea_diag.stages.judgement.ledger import JudgementLedger
 from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
+from flea_diag.stages.observer.mode_watch import ModeWatch
 from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
@@ -93,6 +94,7 @@ class ResidualStream:
         self._speed = SpeedTrust(known, self._bank.has_encoder, c.counts.kernel)
         self._lost = LostScans(known, c.counts.kernel)
         self.conditions = ConditionWatch(c, relations)
+        self.modes = ModeWatch(known)
         self._outside_ns = NEVER_NS
         self.envelope = (
             EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s)
@@ -206,11 +208,12 @@ class ResidualStream:
         if read:
             usable, away = voltage.usable, self._sensors.away
             turn = self.conditions.step(self._p, stamps_ns, rows, residuals, usable, away)
+            turn = min(turn, self.modes.step(stamps_ns, residuals.modes))
         if self.envelope is not None:
             turn = min(turn, self._place(self.envelope, stamps_ns, rows, residuals))
         # The filter predicts through missing scans by itself.
         seen = rows if read else np.where(self._is_predicted, np.nan, rows)
-        void = self.conditions.voids
+        void = self.conditions.voids or self.modes.lost
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
         self.conditions.leave_out(residuals)
         voltage.leave_out(residuals)
@@ -218,6 +221,8 @@ class ResidualStream:
         if self._lost.leave_out(residuals, read):
             self._estimate.interrupt()
         if self._warm_up is not None:
+            if self.modes.voids:
+                self._warm_up.begin(int(stamps_ns[-1]))
             self._learn(self._warm_up, residuals, int(stamps_ns[0]), frozen)
         # After the learning: the offsets of a unit are its own wherever it stands.
         if self.envelope is not None:
@@ -229,7 +234,10 @@ class ResidualStream:
         results.void = void
         if read:
             outside = self.envelope is not None and bool(self.envelope.outside)
-            told = self.ledger.take(stamps_ns, rows, residuals, results.z, void, outside)
+            self.ledger.mode = self.modes.words if self.modes.voids else ""
+            told = self.ledger.take(
+                stamps_ns, rows, residuals, results.z, void or self.modes.voids, outside
+            )
             turn = min(turn, told)
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
 
@@ -253,11 +261,11 @@ class ResidualStream:
     def told(self) -> bool:
         """Whether the last scan has changed what is reported of conditions or of judgement."""
         placed = self.envelope is not None and self.envelope.turned
-        return self.conditions.told or placed or self.ledger.turned
+        return self.conditions.told or self.modes.told or placed or self.ledger.turned
 
     def states(self) -> tuple[ChannelQuality, ...]:
-        """Rows of DataQuality for conditions: contact, and a place outside the calibration."""
-        rows = (*self.conditions.states(), *self._unit)
+        """Rows of DataQuality: contact, modes, the unit, and a place outside the calibration."""
+        rows = (*self.conditions.states(), *self.modes.states(), *self._unit)
         if self.envelope is None or not self.envelope.outside:
             return rows
         words = self.envelope.words

@@ -39,7 +39,7 @@ def check_recordings(
 
 def _check_described(first: NominalRecording, model: Actuator, actuator: str | Path) -> None:
     """Check that all channels are sensors or inputs of the described actuator."""
-    known = {*model.sensors, *model.inputs}
+    known = set(model.units)
     strange = [channel for channel in first.channels if channel not in known]
     if strange:
         raise CalibrationError(

@@ -19,9 +19,9 @@ def bridged(
 
     No message overtakes one of the topic ``paced``: the bridge has said first that it has all.
     """
-    from sensor_msgs.msg import Imu, JointState, Temperature
+    from sensor_msgs.msg import BatteryState, Imu, JointState, Temperature
 
-    kinds = {"JointState": JointState, "Temperature": Temperature, "Imu": Imu}
+    kinds = {kind.__name__: kind for kind in (BatteryState, Imu, JointState, Temperature)}
     of_topic = {topic: kinds[type(message).__name__.split("__")[-1]] for topic, _, message in sent}
     given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in of_topic)]
     command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
@@ -58,6 +58,8 @@ def _live(kind: Any, message: Any) -> Any:
             setattr(made, field, getattr(message, field).tolist())
     elif hasattr(message, "temperature"):
         made.temperature = float(message.temperature)
+        if hasattr(message, "voltage"):
+            made.voltage = float(message.voltage)
     else:
         for axis in "xyz":
             value = getattr(message.linear_acceleration, axis)

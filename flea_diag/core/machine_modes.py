@@ -1,0 +1,89 @@
+"""In which modes a machine is, scan by scan, and which residuals have no value in them.
+
+A smoothed reading rests on a kernel of scans, so what holds in one scan counts until the kernel
+and the time that the mode settles in have passed. Where its channel is not read, a mode is
+unknown: what depends on it has no value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.frozen import Frozen
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+States = npt.NDArray[np.int8]
+
+Voids = list[tuple[tuple[int, ...], Flags]]
+"""Columns of residuals, and in which scans they have no value."""
+
+OUT, IN, UNKNOWN = 0, 1, 2
+"""States of a mode."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeRow(Frozen):
+    """One mode on one stand: the column of its channel, and what it does to the residuals.
+
+    ``voids`` are the columns without a value in it, ``only`` those without one elsewhere. A machine
+    that ``stands`` is held; the state observer does not follow a machine that is not ``followed``.
+    """
+
+    name: str
+    channel: int
+    above: float
+    below: float
+    settles_s: float
+    voids: tuple[int, ...]
+    only: tuple[int, ...]
+    stands: bool
+    followed: bool
+
+
+class MachineModes:
+    """Modes of one stream of scans."""
+
+    def __init__(self, rows: Sequence[ModeRow], period_s: float, kernel_length: int) -> None:
+        self._rows = tuple(rows)
+        self._lasts = [kernel_length + math.ceil(row.settles_s / period_s) for row in rows]
+        self._since = [[most, most] for most in self._lasts]
+
+    def step(self, readings: Array) -> tuple[States, Voids]:
+        """States of n scans, shape (n, modes), and what has no value in them.
+
+        ``readings`` has shape (n, channels). A mode lasts until nothing of it counts any more.
+        """
+        states = np.zeros((len(readings), len(self._rows)), dtype=np.int8)
+        voids: Voids = []
+        for k, row in enumerate(self._rows):
+            now = _state(readings[:, row.channel], row)
+            inside, outside = (self._lasting(k, side, now != side) for side in (OUT, IN))
+            states[:, k] = np.where(now == OUT, inside, now)
+            columns = ((row.voids, inside), (row.only, outside))
+            voids += [(named, flags) for named, flags in columns if named and flags.any()]
+        return states, voids
+
+    def _lasting(self, mode: int, side: int, flags: Flags) -> Flags:
+        """Which scans are less than a kernel after one that is flagged."""
+        scans, most = np.arange(len(flags)), self._lasts[mode]
+        last = np.maximum.accumulate(np.where(flags, scans, -1 - self._since[mode][side]))
+        passed = scans - last
+        self._since[mode][side] = int(min(passed[-1], most))
+        found: Flags = passed < most
+        return found
+
+    def interrupt(self) -> None:
+        """The next scans follow a gap: smoothing begins anew."""
+        self._since = [[most, most] for most in self._lasts]
+
+
+def _state(values: Array, row: ModeRow) -> States:
+    """State of a mode by the readings of its channel alone, shape (n,)."""
+    inside = ~((values <= row.above) | (values >= row.below))
+    return np.where(np.isnan(values), UNKNOWN, inside).astype(np.int8)

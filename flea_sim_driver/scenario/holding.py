@@ -1,0 +1,53 @@
+"""When a holding brake is engaged, and how the motion waits for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_sim_driver.scenario.settings import Brake
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+SLOWS_S = 1.0
+"""Time in which the motion comes to rest before the brake engages, and from its release on."""
+GRIPS_S = 0.06
+"""Time between the command of the brake and its grip, or its release."""
+
+
+def engaged(brake: Brake, time_s: Array, late_s: float = 0.0) -> Flags:
+    """Whether the brake is engaged, shape (n,); ``late_s`` after its command."""
+    since = _since(brake, time_s - late_s)
+    return np.asarray((brake.for_s > 0.0) & (since >= 0.0) & (since < brake.for_s))
+
+
+def motion_time(brake: Brake, time_s: Array) -> Array:
+    """The time of the motion, which stands still while the brake is engaged, shape (n,)."""
+    if brake.for_s <= 0.0:
+        return time_s
+    return np.asarray(time_s - _waited(brake, time_s) + _waited(brake, np.zeros(1))[0])
+
+
+def _since(brake: Brake, time_s: Array) -> Array:
+    """Time since the brake was last to engage; negative before the first time."""
+    since = time_s - brake.first_s
+    return np.where(since > 0.0, np.mod(since, brake.every_s), since) if brake.every_s else since
+
+
+def _waited(brake: Brake, time_s: Array) -> Array:
+    """For how long the motion has stood still, from slowing down on."""
+    since = time_s - brake.first_s + SLOWS_S
+    times = np.maximum(np.floor(since / brake.every_s), 0.0) if brake.every_s else 0.0
+    now = since - times * brake.every_s
+    slowing, speeding = (
+        np.clip((now - begins) / SLOWS_S, 0.0, 1.0) for begins in (0.0, SLOWS_S + brake.for_s)
+    )
+    held = np.clip(now - SLOWS_S, 0.0, brake.for_s)
+    lost = SLOWS_S * (_area(slowing) + speeding - _area(speeding))
+    return np.asarray(times * (brake.for_s + SLOWS_S) + held + lost)
+
+
+def _area(share: Array) -> Array:
+    """Integral of a smooth step from 0 to 1."""
+    return np.asarray(share**3 - 0.5 * share**4)
