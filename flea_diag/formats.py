@@ -111,6 +111,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "stand template": Format(1, "write it anew after config/templates/dc_screw.yaml"),
     "classifier": Format(1, "train it again with flea features train"),
+    "language": Format(1, "write it anew after config/languages/de.yaml"),
     # What runs are made of.
     "scenario": Format(1, "write it anew after config/scenarios", steps=_FIRST, unversioned=0),
     "machine": Format(1, "write it anew after config/machines/flea.yaml"),

@@ -12,26 +12,39 @@ from flea_diag.operator.advice_view import advice_text
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.state import OPEN, OperatorState
 from flea_diag.operator.verdict_view import said
+from flea_diag.operator.words import later, tr
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 
 STOP, GO_ON = "stop", "go on"
-RUN = {STOP: "STOP THE STAND", GO_ON: "GO ON"}
-URGENT = {"now": "act now", "soon": "act this shift", "planned": "plan it for the next service"}
-UNKNOWN_PROCEDURE = "No procedure is stated for this fault: ask whoever keeps the stand."
+RUN = {STOP: later("STOP THE STAND"), GO_ON: later("GO ON")}
+URGENT = {
+    "now": later("act now"),
+    "soon": later("act this shift"),
+    "planned": later("plan it for the next service"),
+}
+EACH = "; "
+"""Between what a verdict says of each fault."""
+UNKNOWN_PROCEDURE = later("No procedure is stated for this fault: ask whoever keeps the stand.")
 
 ADVICE: dict[Outcome, str] = {
-    Outcome.NOMINAL: "No action required.",
-    Outcome.DETECTED: "Continue the motion: motion in both directions is needed to separate faults "
-    "of motor and screw.",
-    Outcome.ISOLATED: "Inspect this part. “Ambiguity group” lists the evidence for and against "
-    "each fault.",
-    Outcome.INDISTINGUISHABLE: "Inspect all of these parts: the present evidence does not separate "
-    "them further.",
-    Outcome.UNEXPLAINED: "Check residuals and symbols: two simultaneous faults, or a fault outside "
-    "the catalogue, are possible.",
-    Outcome.NOT_OBSERVABLE: "Move the actuator.",
-    Outcome.MODEL_MISMATCH: "Calibrate with nominal recordings of this stand.",
-    Outcome.DATA_UNUSABLE: "Repair the channel named under “Data quality”.",
+    Outcome.NOMINAL: later("No action required."),
+    Outcome.DETECTED: later(
+        "Continue the motion: motion in both directions is needed to separate faults of motor and "
+        "screw."
+    ),
+    Outcome.ISOLATED: later(
+        "Inspect this part. “Ambiguity group” lists the evidence for and against each fault."
+    ),
+    Outcome.INDISTINGUISHABLE: later(
+        "Inspect all of these parts: the present evidence does not separate them further."
+    ),
+    Outcome.UNEXPLAINED: later(
+        "Check residuals and symbols: two simultaneous faults, or a fault outside the catalogue, "
+        "are possible."
+    ),
+    Outcome.NOT_OBSERVABLE: later("Move the actuator."),
+    Outcome.MODEL_MISMATCH: later("Calibrate with nominal recordings of this stand."),
+    Outcome.DATA_UNUSABLE: later("Repair the channel named under “Data quality”."),
 }
 """Recommended action for each outcome."""
 RUNS: dict[Outcome, tuple[str, str]] = {
@@ -59,7 +72,7 @@ class Action:
     @property
     def headline(self) -> str:
         """Stop or go on, and how urgent it is; empty where nothing is to be done."""
-        return f"{RUN[self.run]}, {URGENT[self.urgency]}" if self.run else ""
+        return f"{tr(RUN[self.run])}, {tr(URGENT[self.urgency])}" if self.run else ""
 
 
 def action(state: OperatorState) -> Action | None:
@@ -74,21 +87,26 @@ def action(state: OperatorState) -> Action | None:
     if split and stated.get("run") in RUN and stated.get("urgency") in URGENT:
         run, urgency = stated["run"], stated["urgency"]
     return Action(
-        run, urgency, stated.get("name", ""), stated.get("part", ""), _steps(group, stated)
+        run, urgency, _stated(stated, "name"), _stated(stated, "part"), _steps(group, stated)
     )
+
+
+def _stated(stated: dict[str, str], what: str) -> str:
+    """What the catalogue of the stand says, in the language of the screen where that has it."""
+    return EACH.join(map(tr, stated.get(what, "").split(EACH)))
 
 
 def _steps(group: AmbiguityGroup, stated: dict[str, str]) -> tuple[str, ...]:
     named = group.outcome in (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
     if not named:
-        return (ADVICE[group.outcome],)
-    steps = [stated.get("procedure") or UNKNOWN_PROCEDURE]
+        return (tr(ADVICE[group.outcome]),)
+    steps = [_stated(stated, "procedure") or tr(UNKNOWN_PROCEDURE)]
     if group.outcome is Outcome.INDISTINGUISHABLE:
-        steps.insert(0, ADVICE[group.outcome])
+        steps.insert(0, tr(ADVICE[group.outcome]))
         if group.next_tests:
-            steps.append(f"To split them: {advice_text(group.next_tests[0])}.")
+            steps.append(tr("To split them: {test}.", test=advice_text(group.next_tests[0])))
         elif stated.get("next_test"):
-            steps.append(f"To split them: {stated['next_test']}")
+            steps.append(tr("To split them: {test}", test=_stated(stated, "next_test")))
     return tuple(steps)
 
 
@@ -98,13 +116,13 @@ def to_do(state: OperatorState) -> Panel | None:
     if found is None or group is None or group.stale or not found.run:
         return None
     lines = [Line(f"{what:9} {text}") for what, text in parts(found)]
-    lines += [Line(f"{'do':9} {step}") for step in found.steps]
-    return Panel("todo", f"WHAT TO DO  {found.headline}", (*lines,))
+    lines += [Line(f"{tr('do'):9} {step}") for step in found.steps]
+    return Panel("todo", f"{tr('WHAT TO DO')}  {found.headline}", (*lines,))
 
 
 def parts(found: Action) -> tuple[tuple[str, str], ...]:
     """What is wrong and where, as far as it is stated."""
-    pairs = (("what", found.name), ("where", found.part))
+    pairs = ((tr("what"), found.name), (tr("where"), found.part))
     return tuple(pair for pair in pairs if pair[1])
 
 
@@ -112,8 +130,8 @@ def spoken(state: OperatorState, now_ns: int) -> str:
     """Verdict, what to do, and alarms, for those who hear the page; nothing that ticks."""
     if state.group is None:
         return said(state, now_ns)
-    ringing = sum(alarm.rings for alarm in state.alarms)
-    alarms = f". {ringing} alarms not acknowledged" if ringing else ""
+    ringing = state.ringing
+    alarms = tr(". {count} alarms not acknowledged", count=ringing) if ringing else ""
     return f"{said(state, now_ns)}{in_a_line(state)}{alarms}"
 
 

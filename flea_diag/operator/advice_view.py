@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.words import tr
 from flea_diag.wire.records import NextTest, Outcome
 
 
@@ -13,19 +14,26 @@ def next_tests(state: OperatorState) -> Panel | None:
     if group is None or group.outcome is not Outcome.INDISTINGUISHABLE or group.summary:
         return None
     if not group.next_tests:
-        return Panel("next", "NEXT TEST  no known test splits these faults")
+        return Panel("next", f"{tr('NEXT TEST')}  {tr('no known test splits these faults')}")
     tests = group.next_tests
     if all(test.kind == "sensor" for test in tests):
-        title = "NEXT TEST  by design no test splits these faults with the sensors of this stand"
+        told = tr("by design no test splits these faults with the sensors of this stand")
     else:
-        title = f"NEXT TEST  advice; {len(group.members)} faults remain"
-    return Panel("next", title, tuple(Line(advice_text(test)) for test in tests))
+        told = tr("advice; {count} faults remain", count=len(group.members))
+    return Panel(
+        "next", f"{tr('NEXT TEST')}  {told}", tuple(Line(advice_text(test)) for test in tests)
+    )
 
 
 def advice_text(test: NextTest) -> str:
     """One test with the expected size of the group after it and the faults that it splits."""
-    left = f"expected group size {test.expected_size:.1f}"
-    splits = ", ".join(test.splits)
+    size, splits = f"{test.expected_size:.1f}", ", ".join(test.splits)
     if test.kind == "sensor":
-        return f"fit {test.what}: {left} ({splits})"
-    return f"{test.kind} {test.what}: {left} after {test.seconds:.0f} s ({splits})"
+        return tr(
+            "fit {what}: expected group size {size} ({splits})",
+            what=test.what, size=size, splits=splits,
+        )  # fmt: skip
+    return tr(
+        "{kind} {what}: expected group size {size} after {seconds:.0f} s ({splits})",
+        kind=tr(test.kind), what=test.what, size=size, seconds=test.seconds, splits=splits,
+    )  # fmt: skip

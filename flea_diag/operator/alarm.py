@@ -6,8 +6,10 @@ restart with the isolator. It stays until it is acknowledged.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from flea_diag.operator.words import later
 from flea_diag.wire.records import (
     NEVER_NS,
     TAKEN_OVER,
@@ -23,7 +25,7 @@ REPLAY = "replay"
 UNDO_NS = 10_000_000_000
 """Time for which an acknowledgement can be withdrawn."""
 
-SHELVED, OUT = "shelved", "out of service"
+SHELVED, OUT = later("shelved"), later("out of service")
 
 Key = tuple[str, int]
 """Source (live or replay) and stamp of the detection."""
@@ -157,6 +159,20 @@ def with_symbols(alarm: Alarm, symbols: Symbols) -> Alarm:
     seen = {(s.residual, s.magnitude, s.slope) for s in alarm.deviations}
     new = tuple(s for s in symbols.symbols if (s.residual, s.magnitude, s.slope) not in seen)
     return replace(alarm, deviations=alarm.deviations + new) if new else alarm
+
+
+def bounded(alarms: Sequence[Alarm], most: int) -> tuple[Alarm, ...]:
+    """The latest alarms; what nobody has acknowledged stays before the rest, its first above all.
+
+    In a flood the first alarm is what the others may follow from, and the last what is true now.
+    """
+    if len(alarms) <= most:
+        return tuple(alarms)
+    waiting = [alarm for alarm in alarms if alarm.standing and alarm.source != REPLAY]
+    kept = {alarm.key for alarm in (*waiting[:1], *waiting[1:][1 - most :])}
+    rest = [alarm.key for alarm in alarms if alarm.key not in kept]
+    kept.update(rest[len(rest) + len(kept) - most :])
+    return tuple(alarm for alarm in alarms if alarm.key in kept)
 
 
 def as_of(alarm: Alarm, service: AlarmAction | None, now_ns: int) -> Alarm:

@@ -7,6 +7,7 @@ import math
 from flea_diag.operator.panel import Line, Panel, bar, clock
 from flea_diag.operator.quantity import SIGMA, decimals, number, statistic, unit_of
 from flea_diag.operator.state import OperatorState, SymbolChange
+from flea_diag.operator.words import tr
 from flea_diag.wire.records import FeatureValue, Level, Symbol
 
 
@@ -23,7 +24,8 @@ def residuals(state: OperatorState) -> Panel | None:
     rows.sort(key=lambda row: row[0] not in deviating)
     formed = sum(not math.isnan(z) for _, z, _ in rows)
     at = clock(record.stamp_ns)
-    title = f"RESIDUALS beside their limits, {formed} of {len(rows)} formed, {at} UTC"
+    told = tr("beside their limits, {formed} of {count} formed", formed=formed, count=len(rows))
+    title = f"{tr('RESIDUALS')} {told}, {at} UTC"
     return Panel("residuals", title, tuple(_residual(*row) for row in rows))
 
 
@@ -34,14 +36,16 @@ def _share(z: float, limit: float) -> float:
 
 def _residual(name: str, z: float, limit: float) -> Line:
     if math.isnan(z):
-        return Line(f"{name:32} {bar(math.nan)}  not formed")
+        return Line(f"{name:32} {bar(math.nan)}  {tr('not formed')}")
     if _share(z, limit) < 0.0:
-        return Line(f"{name:32} {bar(math.nan)}  {decimals(z)}, no limit")
+        return Line(f"{name:32} {bar(math.nan)}  {decimals(z)}, {tr('no limit')}")
     beyond = abs(z) > limit
     unit = unit_of(name, limit)
-    told = f"{z:+.2f} {SIGMA} of {limit:.2f}" if unit == SIGMA else statistic(name, z, limit)
+    told = statistic(name, z, limit)
+    if unit == SIGMA:
+        told = tr("{z:+.2f} σ of {limit:.2f}", z=z, limit=limit)
     text = f"{name:32} {bar(abs(z) / limit)}| {told}"
-    return Line(text + (" BEYOND" if beyond else ""), Level.WARN if beyond else None)
+    return Line(text + (f" {tr('BEYOND')}" if beyond else ""), Level.WARN if beyond else None)
 
 
 def symbols(state: OperatorState) -> Panel | None:
@@ -54,7 +58,8 @@ def symbols(state: OperatorState) -> Panel | None:
         past.setdefault(change.symbol.residual, []).append(change.symbol)
     lines = tuple(_symbol(residual, rows) for residual, rows in past.items())
     first = (
-        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: "
+        f"{tr('SYMBOLS')}  "
+        f"{tr('first {residual} at {at} UTC', residual=flag.residual, at=clock(flag.stamp_ns))}: "
         f"{statistic(flag.residual, flag.z, flag.threshold)} ({flag.test})"
     )
     return Panel("symbols", first, lines)
@@ -74,7 +79,7 @@ def _of_episode(state: OperatorState) -> list[SymbolChange]:
 
 def _symbol(residual: str, rows: list[Symbol]) -> Line:
     course = " → ".join(f"{row.magnitude}{row.slope}" for row in rows)
-    return Line(f"{residual:26} {course}  since {clock(rows[-1].since_ns)}")
+    return Line(f"{residual:26} {course}  {tr('since')} {clock(rows[-1].since_ns)}")
 
 
 def features(state: OperatorState) -> Panel | None:
@@ -84,29 +89,33 @@ def features(state: OperatorState) -> Panel | None:
         return None
     ours = [feature for feature in state.features if feature.episode == group.episode]
     lines = [
-        Line(f"{entry.name:28} requested at {clock(entry.asked_ns)} UTC, no answer yet")
+        Line(f"{entry.name:28} {tr('requested {at} UTC, no answer yet', at=clock(entry.asked_ns))}")
         if entry.value is None
         else _feature(entry.value)
         for entry in ours
     ]
     seen = {entry.name for entry in ours}
     lines += [
-        Line(f"{name:28} computed before this screen started")
+        Line(f"{name:28} {tr('computed before this screen started')}")
         for name in group.features_computed
         if name not in seen
     ]
     tried = seen | set(group.features_computed)
-    title = (
-        f"FEATURES  {len(group.features_computed)} of {group.features_available} computed, "
-        f"{max(group.features_available - len(tried), 0)} not requested"
-    )
-    return Panel("features", title, tuple(lines))
+    told = tr(
+        "{done} of {count} computed, {rest} not requested",
+        done=len(group.features_computed), count=group.features_available,
+        rest=max(group.features_available - len(tried), 0),
+    )  # fmt: skip
+    return Panel("features", f"{tr('FEATURES')}  {told}", tuple(lines))
 
 
 def _feature(value: FeatureValue) -> Line:
     if math.isnan(value.value):
-        return Line(f"{value.feature:28} not computable: {value.reason}", Level.WARN)
-    nominal = f"nominal {number(value.nominal_low)} to {number(value.nominal_high)}"
+        why = tr("not computable: {reason}", reason=value.reason)
+        return Line(f"{value.feature:28} {why}", Level.WARN)
+    nominal = tr(
+        "nominal {low} to {high}", low=number(value.nominal_low), high=number(value.nominal_high)
+    )
     return Line(
         f"{value.feature:28} {number(value.value, value.unit)}  {value.symbol}"
         f"  ({nominal}, {number(value.cost_ms, 'ms')})"

@@ -9,16 +9,17 @@ from flea_diag.operator.alarm import REPLAY, Alarm
 from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.verdict_view import heading, level_of, said
+from flea_diag.operator.words import later, tr
 from flea_diag.wire.records import AmbiguityGroup, Level
 
 WORST_FIRST = (Level.ERROR, Level.STALE, Level.WARN, None, Level.OK)
 """Level of a stand's verdict; None: it has none yet."""
 COUNTED = (
-    (Level.ERROR, "with a fault"),
-    (Level.STALE, "silent"),
-    (Level.WARN, "to look at"),
-    (None, "without a verdict"),
-    (Level.OK, "without deviation"),
+    (Level.ERROR, later("with a fault")),
+    (Level.STALE, later("silent")),
+    (Level.WARN, later("to look at")),
+    (None, later("without a verdict")),
+    (Level.OK, later("without deviation")),
 )
 
 
@@ -58,13 +59,8 @@ def _row(name: str, state: OperatorState, now_ns: int) -> StandRow:
         heading(state, now_ns),
         said(state, now_ns) + why,
         _age(state, now_ns),
-        ringing(state),
+        state.ringing,
     )
-
-
-def ringing(state: OperatorState) -> int:
-    """Number of alarms that ring."""
-    return sum(alarm.rings for alarm in state.alarms)
 
 
 def _level(state: OperatorState, now_ns: int) -> Level | None:
@@ -79,10 +75,13 @@ def _age(state: OperatorState, now_ns: int) -> str:
         return ""
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
-        return f"evidence of {clock(group.stamp_ns)} UTC, no verdict for {silent_s:.0f} s"
+        return tr(
+            "evidence of {at} UTC, no verdict for {seconds:.0f} s",
+            at=clock(group.stamp_ns), seconds=silent_s,
+        )  # fmt: skip
     if group.stale:
-        return "no data from the stand; last verdict"
-    return f"{group.source}: recorded data" if group.source == REPLAY else ""
+        return tr("no data from the stand; last verdict")
+    return tr("replay: recorded data") if group.source == REPLAY else ""
 
 
 def _why_silent(state: OperatorState) -> str:
@@ -94,7 +93,9 @@ def _why_silent(state: OperatorState) -> str:
 
 def counts(rows: Sequence[StandRow]) -> tuple[tuple[Level | None, int, str], ...]:
     """Level, number and words of the stands of each level that occurs."""
-    found = ((level, sum(row.level == level for row in rows), words) for level, words in COUNTED)
+    found = (
+        (level, sum(row.level == level for row in rows), tr(words)) for level, words in COUNTED
+    )
     return tuple(entry for entry in found if entry[1])
 
 
@@ -109,11 +110,12 @@ def hall(states: Mapping[str, OperatorState], now_ns: int) -> Panel:
         )
         for row in rows
     )
-    return Panel("stands", f"STANDS  {len(rows)}: {told}" if rows else "STANDS  none found", lines)
+    title = f"{tr('STANDS')}  " + (f"{len(rows)}: {told}" if rows else tr("none found"))
+    return Panel("stands", title, lines)
 
 
 def _bell(row: StandRow) -> str:
-    return f"[{row.ringing} to acknowledge] " if row.ringing else ""
+    return tr("[{count} to acknowledge] ", count=row.ringing) if row.ringing else ""
 
 
 def all_alarms(states: Mapping[str, OperatorState]) -> tuple[tuple[str, Alarm], ...]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from flea_diag.operator import alarm as alarms_of
 from flea_diag.operator.alarm import Alarm, AlarmAction, Comment
-from flea_diag.operator.state import MOST_ALARMS, OperatorState
+from flea_diag.operator.state import MOST_ALARMS, MOST_TIMES, OperatorState
 from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
 
@@ -26,10 +26,13 @@ def with_journal(
     kept: tuple[Alarm, ...],
     marks: tuple[Comment, ...] = (),
     service: AlarmAction | None = None,
+    times: tuple[int, ...] = (),
+    waiting: int = 0,
 ) -> OperatorState:
     """Merge the content of a journal: older alarms, acknowledgements, comments and marks.
 
     Detection and verdict of an alarm come from the records; remarks come from the journal.
+    ``times`` are the stamps of all its latest alarms, and ``waiting`` those not acknowledged.
     """
     known = {entry.key: entry for entry in kept}
     for alarm in state.alarms:
@@ -43,7 +46,15 @@ def with_journal(
             deviations=alarm.deviations or said.deviations,
         )
     merged = sorted(known.values(), key=lambda entry: entry.detected_ns)
-    return replace(state, alarms=tuple(merged[-MOST_ALARMS:]), marks=marks, service=service)
+    counted = sorted({*times, *state.alarm_times, *(alarm.detected_ns for alarm in merged)})
+    return replace(
+        state,
+        alarms=alarms_of.bounded(merged, MOST_ALARMS),
+        alarm_times=tuple(counted[-MOST_TIMES:]),
+        waiting=waiting,
+        marks=marks,
+        service=service,
+    )
 
 
 def as_of(state: OperatorState, wall_ns: int) -> OperatorState:

@@ -5,6 +5,7 @@ Independent of the output: terminal, pipe and page render the same panels.
 
 from __future__ import annotations
 
+import datetime
 import math
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from flea_diag.wire.records import NEVER_NS, Level
 BAR_CELLS = 14
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 NS = 1_000_000_000
+EPOCH = datetime.date(1970, 1, 1).toordinal()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,13 @@ def clock(stamp_ns: int) -> str:
     seconds = stamp_ns // NS % 86400
     hours, minutes = seconds // 3600, seconds // 60 % 60
     return f"{hours:02d}:{minutes:02d}:{seconds % 60:02d}.{stamp_ns // 1_000_000 % 1000:03d}"
+
+
+def date(stamp_ns: int) -> str:
+    """Day in UTC; empty for none."""
+    if stamp_ns == NEVER_NS:
+        return ""
+    return datetime.date.fromordinal(EPOCH + stamp_ns // NS // 86400).isoformat()
 
 
 def share(probability: float) -> str:

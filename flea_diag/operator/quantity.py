@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 
+from flea_diag.operator.words import later, tr
+
 SIGMA = "σ"
-COUNTED = (("_stuck", "readings held"), ("_dropout", "drop-outs"))
+COUNTED = (("_stuck", later("readings held")), ("_dropout", later("drop-outs")))
 """Ends of the names of residuals whose statistic is a count, and what is counted."""
-OF_LIMIT = "of its limit"
+OF_LIMIT = later("of its limit")
 """Unit of a statistic that is a share of its own limit."""
 NEGLIGIBLE = 5e-4
 """Share of a value below which its standard error is not shown: "0.9 ± 0" claims certainty."""
 DIGITS = 3
 
 
-def number(value: float, unit: str = "", sigma: float = math.nan, unknown: str = "unknown") -> str:
+def number(
+    value: float, unit: str = "", sigma: float = math.nan, unknown: str = later("unknown")
+) -> str:
     """Three digits and the unit; with a standard error as many digits as that leaves certain."""
     if math.isnan(value):
-        return unknown
+        return tr(unknown)
     unit = "" if unit == "1" else unit
     if not 0.0 < sigma < math.inf or sigma < NEGLIGIBLE * abs(value):
         return f"{significant(value)} {unit}".rstrip()
@@ -46,12 +50,12 @@ def statistic(name: str, z: float, limit: float) -> str:
     """A test statistic beside its limit; a count is a whole number and no multiple of sigma."""
     unit = unit_of(name, limit)
     if math.isfinite(z) and unit == OF_LIMIT:
-        return f"{z:.0%} {unit}"
+        return f"{z:.0%} {tr(unit)}"
     if math.isfinite(z) and math.isfinite(limit) and unit != SIGMA:
-        return f"{z:.0f} {unit}, limit {math.floor(limit)}"
-    return f"z = {decimals(z)}, limit {decimals(limit)}"
+        return f"{z:.0f} {tr(unit)}, {tr('limit')} {math.floor(limit)}"
+    return f"z = {decimals(z)}, {tr('limit')} {decimals(limit)}"
 
 
 def decimals(z: float) -> str:
     """A multiple of sigma to two decimals; more of them are noise."""
-    return "unknown" if math.isnan(z) else f"{round(z, 2) + 0.0:g}"
+    return tr("unknown") if math.isnan(z) else f"{round(z, 2) + 0.0:g}"

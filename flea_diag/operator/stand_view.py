@@ -8,6 +8,7 @@ from dataclasses import replace
 from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.stream import StreamState
+from flea_diag.operator.words import tr
 from flea_diag.wire.records import MODE, ChannelQuality, Health, Level, Quality, Scan
 from flea_diag.wire.wording import QUALITY_LEVEL
 
@@ -25,20 +26,22 @@ def streams(state: OperatorState, now_ns: int) -> Panel:
         _stream(replace(stream, lost=stream_losses(state, stream)), now_ns)
         for stream in state.streams.values()
     )
-    return Panel("streams", "STREAMS", rows)
+    return Panel("streams", tr("STREAMS"), rows)
 
 
 def _stream(stream: StreamState, now_ns: int) -> Line:
     standing = stream.standing(now_ns)
     level = STREAM_LEVEL[standing]
     if standing == "waiting":
-        return Line(f"{stream.name:16} waiting for the first record")
-    rate = "rate ?" if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
-    shown = f"STALE for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else rate
-    counts = [("missing", stream.missing), ("late", stream.late), ("lost", stream.lost)]
+        return Line(f"{stream.name:16} {tr('waiting for the first record')}")
+    shown = tr("rate ?") if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
+    if standing == "stale":
+        shown = tr("STALE for {seconds:.0f} s", seconds=stream.silent_s(now_ns))
+    counts = [(tr("missing"), stream.missing), (tr("late"), stream.late), (tr("lost"), stream.lost)]
     told = ", ".join(f"{count} {name}" for name, count in counts)
+    received = tr("{count} received", count=stream.received)
     worse = level or (Level.WARN if any(count for _, count in counts) else None)
-    return Line(f"{stream.name:16} {shown:9} {stream.received} received, {told}", worse)
+    return Line(f"{stream.name:16} {shown:9} {received}, {told}", worse)
 
 
 def quality_rows(state: OperatorState, now_ns: int) -> tuple[ChannelQuality, ...]:
@@ -52,7 +55,9 @@ def quality_rows(state: OperatorState, now_ns: int) -> tuple[ChannelQuality, ...
     if scans.standing(now_ns) != "stale":
         return rows
     silent_s = scans.silent_s(now_ns)
-    why = f"no scan for {silent_s:.0f} s" if silent_s < OLD_S else "no scan arrives"
+    why = tr("no scan arrives")
+    if silent_s < OLD_S:
+        why = tr("no scan for {seconds:.0f} s", seconds=silent_s)
     return tuple(
         replace(row, quality=Quality.STALE, since_ns=scans.stamp_ns, reason=_joined(why, row))
         if row.quality in (Quality.GOOD, Quality.STALE)
@@ -62,7 +67,7 @@ def quality_rows(state: OperatorState, now_ns: int) -> tuple[ChannelQuality, ...
 
 
 def _joined(why: str, row: ChannelQuality) -> str:
-    return f"{why}; before: {row.reason}" if row.reason else why
+    return tr("{why}; before: {reason}", why=why, reason=row.reason) if row.reason else why
 
 
 def stream_losses(state: OperatorState, stream: StreamState) -> int:
@@ -82,23 +87,25 @@ def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
     good = len(rows) - len(bad) - len(modes)
     lines = tuple(
         Line(
-            f"{row.channel:28} {row.quality.value} since {clock(row.since_ns)}: {row.reason}",
+            f"{row.channel:28} {tr(row.quality.value)} {tr('since')} {clock(row.since_ns)}: "
+            f"{row.reason}",
             QUALITY_LEVEL[row.quality] or None,
         )
         for row in bad
     )
     lines += tuple(
-        Line(f"{row.channel:28} {row.reason} since {clock(row.since_ns)}")
+        Line(f"{row.channel:28} {row.reason} {tr('since')} {clock(row.since_ns)}")
         for row in modes
         if row.reason
     )
-    return Panel("channels", f"CHANNELS  {good} good, {len(bad)} not", lines)
+    told = tr("{good} good, {bad} not", good=good, bad=len(bad))
+    return Panel("channels", f"{tr('CHANNELS')}  {told}", lines)
 
 
 def compiling(state: OperatorState) -> str:
     """What is being compiled at the first start, and how long it will take; empty if nothing."""
     told = (
-        f"{name.rpartition('/')[2]} is {health.message}"
+        tr("{node} is {doing}", node=name.rpartition("/")[2], doing=health.message)
         for name, health in sorted(state.health.items())
         if health.message.startswith(COMPILING)
     )
@@ -111,7 +118,7 @@ def nodes(state: OperatorState) -> Panel | None:
         return None
     own = sorted(name for name in state.health if COMPONENT not in name)
     lines = tuple(_node(name, state.health[name]) for name in own)
-    return Panel("nodes", "NODES", lines)
+    return Panel("nodes", tr("NODES"), lines)
 
 
 def _node(node: str, health: Health) -> Line:

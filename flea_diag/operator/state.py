@@ -13,6 +13,7 @@ from typing import Any
 
 from flea_diag.operator import alarm as alarms_of
 from flea_diag.operator.alarm import Alarm, AlarmAction, Comment, Key
+from flea_diag.operator.alarm_rate import of_shift
 from flea_diag.operator.stream import (
     StreamState,
     counted,
@@ -32,6 +33,7 @@ from flea_diag.wire.records import (
     Hypotheses,
     Outcome,
     Record,
+    RemarkKind,
     Residual,
     Scan,
     Symbol,
@@ -45,6 +47,8 @@ MOST_STEPS = 200
 MOST_SYMBOLS = 400
 MOST_FEATURES = 64
 MOST_ALARMS = 100
+MOST_TIMES = 5000
+"""Alarms of a shift that are counted, whether they are still shown or not."""
 MOST_NODES = 64
 ALONE_NS = 2_000_000_000
 """Time after which a detection without a verdict becomes an alarm by itself."""
@@ -91,7 +95,9 @@ class OperatorState:
 
     ``steps``, ``symbols`` and ``features`` are in order of time, across episodes; ``alarms`` are
     in order of detection, ``marks`` in order of the marked moments. ``streams`` are keyed by
-    topic, ``health`` by node.
+    topic, ``health`` by node. ``alarm_times`` are the stamps of all alarms of the last shift, also
+    of those that are no longer kept; ``waiting`` is how many of the journal nobody has
+    acknowledged.
     """
 
     group: AmbiguityGroup | None = None
@@ -107,6 +113,8 @@ class OperatorState:
     symbols: tuple[SymbolChange, ...] = ()
     features: tuple[AskedFeature, ...] = ()
     alarms: tuple[Alarm, ...] = ()
+    alarm_times: tuple[int, ...] = ()
+    waiting: int = 0
     marks: tuple[Comment, ...] = ()
     service: AlarmAction | None = None
     streams: Mapping[str, StreamState] = field(default_factory=streams)
@@ -116,6 +124,24 @@ class OperatorState:
     def stream(self, record_type: type) -> StreamState:
         """Counters of the topic of a record type."""
         return self.streams[TOPIC_OF[record_type].name.lstrip("/")]
+
+    @property
+    def beyond(self) -> int:
+        """Alarms that nobody has acknowledged and that are kept in the journal alone."""
+        kept = sum(alarm.standing and alarm.source != alarms_of.REPLAY for alarm in self.alarms)
+        return max(self.waiting - kept, 0)
+
+    @property
+    def ringing(self) -> int:
+        """Number of alarms that ring."""
+        out = self.service is not None and self.service.kind is RemarkKind.OUT_OF_SERVICE
+        return sum(alarm.rings for alarm in self.alarms) + (0 if out else self.beyond)
+
+    @property
+    def shift_times(self) -> tuple[int, ...]:
+        """Stamps of the alarms of the last shift, by the clock of the stand."""
+        latest_ns = max((*self.alarm_times[-1:], self.group.stamp_ns if self.group else NEVER_NS))
+        return of_shift(self.alarm_times, latest_ns)
 
     @property
     def open_key(self) -> Key | None:
@@ -233,7 +259,11 @@ def _with_alarm(state: OperatorState, alarm: Alarm) -> OperatorState:
     if any(entry.key == alarm.key for entry in state.alarms):
         known = (alarm if entry.key == alarm.key else entry for entry in state.alarms)
         return replace(state, alarms=tuple(known))
-    return replace(state, alarms=(*state.alarms, alarm)[-MOST_ALARMS:])
+    times = state.alarm_times
+    if alarm.detected_ns not in times:
+        times = (*times, alarm.detected_ns)[-MOST_TIMES:]
+    kept = alarms_of.bounded((*state.alarms, alarm), MOST_ALARMS)
+    return replace(state, alarms=kept, alarm_times=times)
 
 
 def _with_detection(state: OperatorState, flag: Detection, arrived_ns: int) -> OperatorState:

@@ -8,11 +8,12 @@ from the calibrated ones; one that starts later is judged anew.
 from __future__ import annotations
 
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.words import later
 from flea_diag.wire.records import OTHER_UNIT, ChannelQuality, Quality, Remark, RemarkKind
 
 TAKE_BACK = "reject"
-ASKED = "Accept this unit as healthy, for what reason?"
-EXAMPLE = f"rewound, resistance measured; '{TAKE_BACK}' takes it back"
+ASKED = later("Accept this unit as healthy, for what reason?")
+EXAMPLE = later("rewound, resistance measured; 'reject' takes it back")
 
 
 def unit_in_question(state: OperatorState) -> ChannelQuality | None:

@@ -12,6 +12,7 @@ from flea_diag.operator.panel import Line, Panel, clock, share
 from flea_diag.operator.quantity import number
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, GroupStep, OperatorState
+from flea_diag.operator.words import ENGLISH, language, later, tr
 from flea_diag.wire.records import (
     NEVER_NS,
     OUTCOME_LEVEL,
@@ -19,12 +20,24 @@ from flea_diag.wire.records import (
     Candidate,
     Level,
     Outcome,
+    Truth,
 )
 
 MOST_STEPS_SHOWN = 12
 MOST_NAMES = 3
 MOST_LISTED = 6
 """Longest list of faults that a sentence holds; of a longer one the first few are named."""
+SENTENCES: dict[Outcome, str] = {
+    Outcome.NOMINAL: later("No deviation."),
+    Outcome.DETECTED: later("Fault detected, one of: {faults}."),
+    Outcome.ISOLATED: later("The fault is {faults}."),
+    Outcome.INDISTINGUISHABLE: later("One of {faults}."),
+    Outcome.UNEXPLAINED: later("No fault of the catalogue explains the deviation."),
+    Outcome.NOT_OBSERVABLE: later("Nothing can be observed."),
+    Outcome.MODEL_MISMATCH: later("The calibration does not fit this actuator."),
+    Outcome.DATA_UNUSABLE: later("The data are unusable."),
+}
+"""What an outcome says, in the language of the screen."""
 
 
 def line(state: OperatorState, now_ns: int) -> str:
@@ -44,13 +57,27 @@ def change(state: OperatorState, now_ns: int) -> object:
 
 
 def in_short(said: AmbiguityGroup | Alarm) -> str:
-    """Words of a verdict; of many faults in a row the first few, and how many more."""
+    """Words of a verdict; of many faults in a row the first few, and how many more.
+
+    The diagnosis says them in English. Another language has a sentence for each outcome, in front.
+    """
     faults = [member.fault for member in said.members]
-    listed = ", ".join(faults)
-    if len(faults) <= MOST_LISTED or listed not in said.words:
-        return said.words
-    rest = f"{', '.join(faults[:MOST_NAMES])} and {len(faults) - MOST_NAMES} more"
-    return said.words.replace(listed, rest)
+    listed, few = ", ".join(faults), _few(faults)
+    words = said.words
+    if len(faults) > MOST_LISTED and listed in words:
+        words = words.replace(listed, few)
+    if language() == ENGLISH or not words:
+        return words
+    if tr(words) != words:
+        return tr(words)
+    return f"{tr(SENTENCES[said.outcome], faults=few)} ({words})"
+
+
+def _few(faults: list[str]) -> str:
+    if len(faults) <= MOST_LISTED:
+        return ", ".join(faults)
+    named, more = ", ".join(faults[:MOST_NAMES]), len(faults) - MOST_NAMES
+    return tr("{faults} and {more} more", faults=named, more=more)
 
 
 def heading(state: OperatorState, now_ns: int) -> str:
@@ -66,9 +93,9 @@ def said(state: OperatorState, now_ns: int) -> str:
     group = state.group
     if group is None:
         progress = compiling(state)
-        return f"no verdict yet: {progress}" if progress else "no verdict yet"
+        return tr("no verdict yet") + (f": {progress}" if progress else "")
     if state.silent(AmbiguityGroup, now_ns):
-        return "NO VERDICT: the diagnosis has stopped publishing"
+        return tr("NO VERDICT: the diagnosis has stopped publishing")
     return f"{group.outcome.value}{_named(group)}: {in_short(group)}"
 
 
@@ -83,38 +110,43 @@ def _named(group: AmbiguityGroup) -> str:
     if not faults:
         return ""
     if all(fault in group.words for fault in faults):
-        return f" ({len(faults)} possible)"
-    more = f" and {len(faults) - MOST_NAMES} more" if len(faults) > MOST_LISTED else ""
-    shown = faults[:MOST_NAMES] if more else faults
-    return f" ({len(faults)} possible: {', '.join(shown)}{more})"
+        return f" ({tr('{count} possible', count=len(faults))})"
+    return f" ({tr('{count} possible', count=len(faults))}: {_few(faults)})"
 
 
 def verdict(state: OperatorState, now_ns: int) -> Panel:
     """The verdict with its age and source."""
     group = state.group
     if group is None:
-        why = compiling(state) or "waiting for ambiguity_group"
-        return Panel("verdict", f"VERDICT  none yet: {why}", _stand_says(state))
+        why = compiling(state) or tr("waiting for ambiguity_group")
+        return Panel("verdict", f"{tr('VERDICT')}  {tr('none yet')}: {why}", _stand_says(state))
     level, lines = level_of(group), []
-    title = f"VERDICT  {level.name}  {group.outcome.value}  {in_short(group)}"
+    title = f"{tr('VERDICT')}  {level.name}  {group.outcome.value}  {in_short(group)}"
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
         lines.append(Line(title, level))
-        title = f"NO VERDICT for {silent_s:.0f} s: the last verdict follows"
+        title = tr("NO VERDICT for {seconds:.0f} s: the last verdict follows", seconds=silent_s)
     elif group.stale:
-        lines.append(Line("STALE: no data from the stand; last verdict", Level.STALE))
+        lines.append(Line(tr("STALE: no data from the stand; last verdict"), Level.STALE))
     if group.source != "live":
-        lines.append(Line(f"{group.source.upper()}: recorded data, not the live stand", Level.WARN))
-    told = (
-        f"episode {group.episode}, step {group.step}, number {group.seq}, "
-        f"evidence up to {clock(group.stamp_ns)} UTC, {group.source}"
-    )
+        lines.append(Line(tr("REPLAY: recorded data, not the live stand"), Level.WARN))
+    told = tr(
+        "episode {episode}, step {step}, number {number}, evidence up to {at} UTC, {source}",
+        episode=group.episode, step=group.step, number=group.seq, at=clock(group.stamp_ns),
+        source=tr(group.source),
+    )  # fmt: skip
     lines.append(Line(told))
     if group.detected_stamp_ns != NEVER_NS:
-        by = f" by {group.opened_by}" if group.opened_by else ""
-        lines.append(Line(f"detected at {clock(group.detected_stamp_ns)} UTC{by}"))
+        lines.append(Line(detected(clock(group.detected_stamp_ns), group.opened_by)))
         lines += _promise(group)
     return Panel("verdict", title, (*lines, *_stand_says(state)))
+
+
+def detected(at: str, by: str) -> str:
+    """When an episode was detected, and by what where that is known."""
+    if not by:
+        return tr("detected at {at} UTC", at=at)
+    return tr("detected at {at} UTC by {by}", at=at, by=by)
 
 
 def _promise(group: AmbiguityGroup) -> tuple[Line, ...]:
@@ -122,8 +154,13 @@ def _promise(group: AmbiguityGroup) -> tuple[Line, ...]:
     stated, supported = group.stated_false_alarms_per_hour, group.supported_false_alarms_per_hour
     if math.isnan(stated):
         return ()
-    bound = "no rate" if math.isinf(supported) else f"at most {supported:.2g}"
-    words = f"false alarms per hour: {stated:g} stated, {bound} supported by the calibration"
+    bound = tr("no rate")
+    if not math.isinf(supported):
+        bound = tr("at most {rate:.2g}", rate=supported)
+    words = tr(
+        "false alarms per hour: {stated:g} stated, {bound} supported by the calibration",
+        stated=stated, bound=bound,
+    )  # fmt: skip
     return (Line(words),)
 
 
@@ -132,8 +169,15 @@ def _stand_says(state: OperatorState) -> tuple[Line, ...]:
     truth = state.truth
     if truth is None or not truth.fault:
         return ()
-    at = "" if truth.onset_ns == NEVER_NS else f" since {clock(truth.onset_ns)} UTC"
-    return (Line(f"truth (from the stand): {truth.fault}{at}"),)
+    return (Line(truth_text(truth)),)
+
+
+def truth_text(truth: Truth) -> str:
+    """What the stand itself says is wrong with it."""
+    said = f"{tr('truth (from the stand)')}: {truth.fault}"
+    if truth.onset_ns == NEVER_NS:
+        return said
+    return f"{said} {tr('since')} {clock(truth.onset_ns)} UTC"
 
 
 def possible(state: OperatorState) -> Panel | None:
@@ -153,8 +197,8 @@ def standing_of(group: AmbiguityGroup) -> str:
     """Standing of the members of an open episode, with their number."""
     count = len(group.members)
     if group.outcome is Outcome.UNEXPLAINED:
-        return f"not ruled out ({count}), none explains the evidence well"
-    return f"possible ({count})"
+        return tr("not ruled out ({count}), none explains the evidence well", count=count)
+    return tr("possible ({count})", count=count)
 
 
 def likely(entry: Candidate, alone: bool) -> str:
@@ -163,12 +207,15 @@ def likely(entry: Candidate, alone: bool) -> str:
     The only remaining fault has probability 1 among those considered. That is not certainty, so
     no figure is shown.
     """
-    return "left" if alone else share(entry.probability).strip()
+    return tr("left") if alone else share(entry.probability).strip()
 
 
 def _candidate(entry: Candidate, alone: bool) -> str:
     known = not math.isnan(entry.size)
-    size = f"  size {number(entry.size, entry.size_unit, entry.size_sigma)}" if known else ""
+    size = ""
+    if known:
+        found = number(entry.size, entry.size_unit, entry.size_sigma)
+        size = "  " + tr("size {size}", size=found)
     return f"{entry.fault:26} {likely(entry, alone):>5}  {entry.hypothesis}{size}"
 
 
@@ -182,22 +229,22 @@ def why(candidate: Candidate) -> Panel:
         lines.append(
             Line(f"{clock(found.stamp_ns)} {found.source}{observed}: {found.verdict}{path}")
         )
-    return Panel("why", f"WHY {candidate.fault}: {candidate.reason}", tuple(lines))
+    return Panel("why", f"{tr('WHY')} {candidate.fault}: {candidate.reason}", tuple(lines))
 
 
 def dropped(state: OperatorState) -> Panel | None:
     """Faults ruled out, grouped by reason."""
     group = state.group
     if group is not None and group.dropped_count:
-        why = "no message on hypotheses yet, which holds the reasons"
-        return Panel("dropped", f"RULED OUT ({group.dropped_count})", (Line(why),))
+        why = tr("no message on hypotheses yet, which holds the reasons")
+        return Panel("dropped", f"{tr('RULED OUT')} ({group.dropped_count})", (Line(why),))
     if group is None or not group.dropped:
         return None
     reasons: dict[str, list[str]] = {}
     for entry in group.dropped:
         reasons.setdefault(entry.reason, []).append(entry.fault)
     lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
-    return Panel("dropped", f"RULED OUT ({len(group.dropped)})", lines)
+    return Panel("dropped", f"{tr('RULED OUT')} ({len(group.dropped)})", lines)
 
 
 def unseen(state: OperatorState) -> Panel | None:
@@ -206,7 +253,7 @@ def unseen(state: OperatorState) -> Panel | None:
     if group is None or not group.not_observable:
         return None
     lines = tuple(Line(f"{fault:28} {reason}") for fault, reason in group.not_observable)
-    return Panel("unseen", "NOT DETECTABLE ON THIS STAND", lines)
+    return Panel("unseen", tr("NOT DETECTABLE ON THIS STAND"), lines)
 
 
 def steps(state: OperatorState) -> Panel | None:
@@ -217,12 +264,14 @@ def steps(state: OperatorState) -> Panel | None:
     ours = [step for step in state.steps if step.episode == group.episode]
     lines = tuple(map(_step, ours[-MOST_STEPS_SHOWN:]))
     sizes = " → ".join(str(len(step.faults)) for step in ours)
-    return Panel("steps", f"GROUP  {sizes}", lines) if lines else None
+    return Panel("steps", f"{tr('GROUP')}  {sizes}", lines) if lines else None
 
 
 def _step(step: GroupStep) -> Line:
     names = [fault for fault, _ in step.dropped]
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    told = f", ruled out {', '.join(names[:MOST_NAMES])}{more}" if names else ""
+    shown = ", ".join(names[:MOST_NAMES])
+    if len(names) > MOST_NAMES:
+        shown = tr("{faults} and {more} more", faults=shown, more=len(names) - MOST_NAMES)
+    told = f", {tr('ruled out')} {shown}" if names else ""
     left = len(step.faults)
-    return Line(f"{clock(step.stamp_ns)} {step.outcome.value:17} {left:3} left{told}")
+    return Line(f"{clock(step.stamp_ns)} {step.outcome.value:17} {left:3} {tr('left')}{told}")

@@ -11,7 +11,15 @@ from flea_diag.operator.alarm_view import action_text
 from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, OperatorState
-from flea_diag.operator.verdict_view import in_short, level_of, likely, standing_of
+from flea_diag.operator.verdict_view import (
+    detected,
+    in_short,
+    level_of,
+    likely,
+    standing_of,
+    truth_text,
+)
+from flea_diag.operator.words import later, tr
 from flea_diag.web.markup import Markup, clock, joined, moment, tag
 from flea_diag.web.panels import CLASS, SHAPE
 from flea_diag.wire.records import (
@@ -28,9 +36,14 @@ from flea_diag.wire.records import (
 )
 
 MOST_MEMBERS = 6
-SILENT = "NO VERDICT: the diagnosis has stopped publishing; this is its last verdict."
-SILENT_ADVICE = "Check the nodes of the diagnosis: “Streams and nodes” names those that run."
-MUTE = "(bell muted until the first click or key on this page)"
+TO_DO = later("What to do now")
+SILENT = later("NO VERDICT: the diagnosis has stopped publishing; this is its last verdict.")
+SILENT_ADVICE = later("Check the nodes of the diagnosis: “Streams and nodes” names those that run.")
+MUTE = later("(bell muted until the first click or key on this page)")
+NO_MESSAGE = later("No message on ambiguity_group.")
+START = later("Start the diagnoser, or observer, isolator and extractor.")
+WAIT = later("Wait: the first start after an installation compiles; later ones do not.")
+REQUESTED = later("Continue the motion; feature {feature} is requested.")
 LONG = 140
 """Verdicts longer than this are set in a smaller size."""
 
@@ -39,43 +52,56 @@ def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
     """State of the data source: CSS class and text of the chip."""
     group = state.group
     if group is None:
-        return "waiting", "… WAITING for the first verdict"
+        return "waiting", tr("… WAITING for the first verdict")
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
-        return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the diagnosis has stopped"
+        words = tr("✖ NO VERDICT for {seconds:.0f} s: the diagnosis has stopped", seconds=silent_s)
+        return "silent", words
     if group.stale or state.silent(Scan, now_ns):
-        return "stale", "‖ STALE: no data from the stand"
+        return "stale", tr("‖ STALE: no data from the stand")
     if state.silent(Residual, now_ns):
         silent_s = state.stream(Residual).silent_s(now_ns)
-        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s"
+        return "silent", tr("✖ NO RESIDUALS for {seconds:.0f} s", seconds=silent_s)
     if group.source == REPLAY:
-        return "replay", "↻ REPLAY, not the live stand"
-    return "live", "● LIVE"
+        return "replay", tr("↻ REPLAY, not the live stand")
+    return "live", tr("● LIVE")
 
 
 def chips(state: OperatorState, now_ns: int) -> Markup:
     """Status line at the top: source, time of the latest data, alarms not acknowledged."""
     kind, words = link(state, now_ns)
-    ringing = sum(alarm.rings for alarm in state.alarms)
     replay = kind not in ("replay", "waiting") and _is_replay(state.group)
     stamp_ns = max((s.stamp_ns for s in (state.scan, state.group) if s is not None), default=-1)
     return tag(
         "div",
         tag("span", words, class_=f"chip {kind}"),
-        tag("span", "↻ REPLAY", class_="chip replay") if replay else None,
+        tag("span", tr("↻ REPLAY"), class_="chip replay") if replay else None,
         moment(stamp_ns, 0, class_="soft both"),
         _out_of_service(state),
-        tag("span", f"▲ {ringing} not acknowledged", class_="state warn") if ringing else None,
-        tag("span", MUTE, class_="soft mute-note") if ringing else None,
+        *unacknowledged(state.ringing),
         class_="chips",
     )
+
+
+def unacknowledged(ringing: int, where: str = "") -> tuple[Markup, ...]:
+    """How many alarms ring, and that the bell is mute while nobody has touched the page."""
+    if not ringing:
+        return ()
+    words = f"▲ {tr('{count} not acknowledged', count=ringing)}{where}"
+    mute = tag(
+        "span",
+        tag("span", tr(MUTE), class_="long"),
+        tag("span", tr("(muted)"), class_="short", aria_hidden="true"),
+        class_="soft mute-note",
+    )
+    return tag("span", words, class_="state warn"), mute
 
 
 def _out_of_service(state: OperatorState) -> Markup | None:
     done = state.service
     if done is None or done.kind is not RemarkKind.OUT_OF_SERVICE:
         return None
-    return tag("span", "◼ ALARMS OUT OF SERVICE", class_="chip stale", title=action_text(done))
+    return tag("span", tr("◼ ALARMS OUT OF SERVICE"), class_="chip stale", title=action_text(done))
 
 
 def _is_replay(group: AmbiguityGroup | None) -> bool:
@@ -96,7 +122,7 @@ def fresh_detection(state: OperatorState) -> Detection | None:
 def found_by(flag: Detection) -> str:
     """Residual, value, limit and test of a detection."""
     if flag.test == TAKEN_OVER:
-        return "An episode is resumed that was open before."
+        return tr("An episode is resumed that was open before.")
     return f"{flag.residual}: {statistic(flag.residual, flag.z, flag.threshold)}, {flag.test}"
 
 
@@ -105,24 +131,23 @@ def answer(state: OperatorState, now_ns: int) -> Markup:
     flag, group = fresh_detection(state), state.group
     if flag is not None:
         head = _headline(
-            Level.WARN, Outcome.DETECTED.value, "fault detected, isolation in progress"
+            Level.WARN, Outcome.DETECTED.value, tr("fault detected, isolation in progress")
         )
         proof = tag("p", found_by(flag), class_="proof soft")
-        return _card(Level.WARN, joined(head, proof, _next(ADVICE[Outcome.DETECTED])), Markup())
+        return _card(Level.WARN, joined(head, proof, _next(tr(ADVICE[Outcome.DETECTED]))), Markup())
     if group is None:
         progress = compiling(state)
-        words = f"The {progress}." if progress else "No message on ambiguity_group."
-        head = _headline(Level.STALE, "NO VERDICT YET", words)
-        advice = "Start the diagnoser, or observer, isolator and extractor."
+        words, advice = tr(NO_MESSAGE), tr(START)
         if progress:
-            advice = "Wait: the first start after an installation compiles; later ones do not."
+            words, advice = tr("The {progress}.", progress=progress), tr(WAIT)
+        head = _headline(Level.STALE, tr("NO VERDICT YET"), words)
         return _card(Level.STALE, joined(head, _next(advice)), Markup())
     silent = state.silent(AmbiguityGroup, now_ns)
     level = Level.STALE if silent else level_of(group)
     head = _headline(level, group.outcome.value, in_short(group))
-    gone = tag("p", SILENT, class_="proof") if silent else None
+    gone = tag("p", tr(SILENT), class_="proof") if silent else None
     if silent or group.stale:
-        advice = _next(SILENT_ADVICE if silent else "Check why the stand sends no data.")
+        advice = _next(tr(SILENT_ADVICE) if silent else tr("Check why the stand sends no data."))
     else:
         advice = _action(state, group)
     left = joined(head, gone, advice, *_proofs(state, group))
@@ -148,24 +173,22 @@ def _headline(level: Level, outcome: str, words: str) -> Markup:
 def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
     lines = []
     if group.source == REPLAY:
-        lines.append("REPLAY: recorded data, not the live stand.")
+        lines.append(tr("REPLAY: recorded data, not the live stand"))
     if group.stale:
-        lines.append("STALE: no data from the stand; last verdict.")
+        lines.append(tr("STALE: no data from the stand; last verdict"))
     if group.detected_stamp_ns != NEVER_NS:
         flag = state.detection
         ours = flag is not None and flag.stamp_ns == group.detected_stamp_ns and flag.residual
         opened_by = found_by(flag) if flag is not None and ours else group.opened_by
-        by = f" by {opened_by}" if opened_by else ""
-        lines.append(f"Detected at {clock(group.detected_stamp_ns, 2)} UTC{by}.")
-        lines.append(
-            f"Evidence up to {clock(group.stamp_ns, 2)} UTC; episode {group.episode}, "
-            f"step {group.step}."
-        )
-    truth = state.truth
-    if truth is not None and truth.fault:
-        onset = f" since {clock(truth.onset_ns)} UTC" if truth.onset_ns != NEVER_NS else ""
-        lines.append(f"Truth (from the stand): {truth.fault}{onset}.")
-    return [tag("p", line, class_="proof soft") for line in lines]
+        lines.append(detected(clock(group.detected_stamp_ns, 2), opened_by))
+        rests = tr(
+            "evidence up to {at} UTC; episode {episode}, step {step}",
+            at=clock(group.stamp_ns, 2), episode=group.episode, step=group.step,
+        )  # fmt: skip
+        lines.append(rests)
+    if state.truth is not None and state.truth.fault:
+        lines.append(truth_text(state.truth))
+    return [tag("p", f"{line[:1].upper()}{line[1:]}.", class_="proof soft") for line in lines]
 
 
 def _action(state: OperatorState, group: AmbiguityGroup) -> Markup:
@@ -176,19 +199,19 @@ def _action(state: OperatorState, group: AmbiguityGroup) -> Markup:
     pending = [f for f in state.features if f.episode == group.episode and f.value is None]
     steps = found.steps
     if group.outcome is Outcome.DETECTED and pending:
-        steps = (f"Continue the motion; feature {pending[-1].name} is requested.",)
+        steps = (tr(REQUESTED, feature=pending[-1].name),)
     css = {STOP: "stop", GO_ON: "go"}.get(found.run, "")
     headline = tag("p", found.headline, class_=f"run {css}") if found.headline else None
     about = tag("p", *(tag("span", text) for _, text in parts(found)), class_="part")
     told = [tag("p", step) for step in steps]
     return tag(
-        "div", tag("h2", "What to do now", class_="title"), headline, about, *told, _tests(state),
+        "div", tag("h2", tr(TO_DO), class_="title"), headline, about, *told, _tests(state),
         class_="next",
     )  # fmt: skip
 
 
 def _next(words: str) -> Markup:
-    return tag("div", tag("h2", "What to do now", class_="title"), words, class_="next")
+    return tag("div", tag("h2", tr(TO_DO), class_="title"), words, class_="next")
 
 
 def _tests(state: OperatorState) -> Markup | None:
@@ -205,16 +228,16 @@ def _right(group: AmbiguityGroup) -> Markup:
         return _members(group)
     if group.not_observable:
         rows = [tag("p", f"{fault}: {why}", class_="soft") for fault, why in group.not_observable]
-        return joined(tag("h2", "Not detectable on this stand", class_="title"), *rows)
+        return joined(tag("h2", tr("Not detectable on this stand"), class_="title"), *rows)
     return Markup()
 
 
 def _members(group: AmbiguityGroup) -> Markup:
     shown, rest = group.members[:MOST_MEMBERS], group.members[MOST_MEMBERS:]
-    more = tag("p", f"and {len(rest)} more", class_="soft") if rest else None
+    more = tag("p", tr("and {count} more", count=len(rest)), class_="soft") if rest else None
     alone = len(group.members) == 1
     return joined(
-        tag("h2", f"Faults {standing_of(group)}", class_="title"),
+        tag("h2", f"{tr('Faults')} {standing_of(group)}", class_="title"),
         tag("table", *(_member(candidate, alone) for candidate in shown), class_="members"),
         more,
     )
@@ -224,7 +247,7 @@ def _member(candidate: Candidate, alone: bool) -> Markup:
     size = ""
     if not math.isnan(candidate.size):
         found = number(candidate.size, candidate.size_unit, candidate.size_sigma)
-        size = f"size {found}, "
+        size = f"{tr('size {size}', size=found)}, "
     why = f"{candidate.hypothesis}: {candidate.reason}" if candidate.reason else ""
     known = 0.0 <= candidate.probability <= 1.0
     width = candidate.probability if known else 0.0

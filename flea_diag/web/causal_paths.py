@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterable
 from typing import Any
 
+from flea_diag.operator.words import tr
 from flea_diag.web.markup import Markup, tag, text
 from flea_diag.wire.records import AmbiguityGroup
 
@@ -71,9 +72,9 @@ def causal_paths(causal_map: Any, group: AmbiguityGroup | None) -> Markup:
 
 def _words(group: AmbiguityGroup | None, edges: dict[Pair, int]) -> str:
     if group is None or not edges:
-        return "Temporal causal graph; no path is active"
+        return tr("Temporal causal graph; no path is active")
     faults = ", ".join(candidate.fault for candidate in group.members)
-    return f"Temporal causal graph; highlighted are the paths of {faults}"
+    return tr("Temporal causal graph; highlighted are the paths of {faults}", faults=faults)
 
 
 def _at(place: tuple[int, float]) -> tuple[float, float]:
@@ -111,7 +112,7 @@ def _edge(pair: Pair, route: tuple[tuple[int, float], ...], edge: Any, count: in
         back = -bend if points[0][0] == points[-1][0] else bend
         commands += f" C{x1 + bend:.0f},{y1:.0f} {x2 - back:.0f},{y2:.0f} {x2:.0f},{y2:.0f}"
     kind = "reads" if edge is None else "temporal" if edge.temporal else "instant"
-    words = f"{edge.source} → {edge.target}  [{edge.label}]" if edge else "read by the residual"
+    words = f"{edge.source} → {edge.target}  [{edge.label}]" if edge else tr("read by the residual")
     return tag(
         "path",
         tag("title", words),
@@ -148,5 +149,7 @@ def _node(causal_map: Any, name: str, active: bool, causes: set[str]) -> Markup:
 
 
 def _told(kind: str, name: str, parameters: tuple[str, ...]) -> str:
-    given = f", set by {', '.join(parameters)}" if parameters else ""
-    return f"{kind} {name}{given}"
+    said = f"{tr(kind)} {name}"
+    if not parameters:
+        return said
+    return tr("{what}, set by {parameters}", what=said, parameters=", ".join(parameters))

@@ -6,6 +6,7 @@ import itertools
 from dataclasses import dataclass
 
 from flea_diag.operator.verdict_view import likely, standing_of
+from flea_diag.operator.words import tr
 from flea_diag.web.history import Drop, drops
 from flea_diag.web.markup import Markup, joined, path, tag, text
 from flea_diag.wire.records import AmbiguityGroup
@@ -22,6 +23,8 @@ ROOM_FOR_NAMES = 210.0
 BETWEEN = ", "
 FALL = 34.0
 """Distance below the flow at which a branch of dropped faults ends."""
+LONGEST_NAME = 30
+"""Letters of a name at the end of the flow."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def _step(group: AmbiguityGroup, drop: Drop, left: int) -> Step:
     after_s = (drop.stamp_ns - group.detected_stamp_ns) / 1e9
     detail = "\n".join(f"{c.fault}: {c.reason}" for c in drop.candidates)
     sources = drop.source.split(BETWEEN)
-    label = sources[0] if len(sources) == 1 else f"{len(sources)} findings"
+    label = sources[0] if len(sources) == 1 else tr("{count} findings", count=len(sources))
     return Step(left, len(drop.candidates), label, f"+{after_s:.2f} s", detail)
 
 
@@ -88,7 +91,9 @@ def group_flow(group: AmbiguityGroup) -> Markup:
 
 
 def _words(total: int, group: AmbiguityGroup) -> str:
-    return f"From {total} faults of the catalogue to {standing_of(group)}"
+    return tr(
+        "From {count} faults of the catalogue to {rest}", count=total, rest=standing_of(group)
+    )
 
 
 def _bar(x: float, count: int, unit: float) -> Markup:
@@ -131,15 +136,22 @@ def _fitting(label: str, room: float) -> str:
     return label if len(label) <= letters else label[: letters - 1] + "…"
 
 
+def _named(fault: str) -> str:
+    """A name that fits beside the last bar."""
+    return fault if len(fault) <= LONGEST_NAME else f"{fault[: LONGEST_NAME - 1]}…"
+
+
 def _names(x: float, group: AmbiguityGroup) -> Markup:
     shown = group.members[:NAMED]
     rows = [
-        text(x, TOP + 12 + 16 * k, f"{c.fault}  {likely(c, len(group.members) == 1)}", "left")
+        text(
+            x, TOP + 12 + 16 * k, f"{_named(c.fault)}  {likely(c, len(group.members) == 1)}", "left"
+        )
         for k, c in enumerate(shown)
     ]
     more = len(group.members) - len(shown)
     if more:
-        rows.append(text(x, TOP + 12 + 16 * len(shown), f"and {more} more", "why"))
+        rows.append(text(x, TOP + 12 + 16 * len(shown), tr("and {count} more", count=more), "why"))
     if not shown:
-        rows.append(text(x, TOP + 12, "no fault of the catalogue", "left"))
+        rows.append(text(x, TOP + 12, tr("no fault of the catalogue"), "left"))
     return joined(*rows)

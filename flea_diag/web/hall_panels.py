@@ -8,7 +8,8 @@ from urllib.parse import quote
 from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.hall_view import StandRow, all_alarms, counts, stand_rows
 from flea_diag.operator.state import OperatorState
-from flea_diag.web.answer import MUTE
+from flea_diag.operator.words import later, tr
+from flea_diag.web.answer import unacknowledged
 from flea_diag.web.guard import STAND_PATH
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.panels import CLASS, EPISODE_HEADS, SHAPE, episode_row, ledger
@@ -17,7 +18,10 @@ from flea_diag.wire.records import Level
 WAITING = "…"
 """Symbol of a stand without a verdict."""
 DIGITS = "123456789"
-HEADS = ("", "stand", "state", "evidence to, UTC", "verdict", "alarms")
+HEADS = (
+    "", later("stand"), later("state"), later("evidence to, UTC"), later("verdict"),
+    later("alarms"),
+)  # fmt: skip
 
 
 class HallView:
@@ -57,19 +61,18 @@ def chips(rows: tuple[StandRow, ...]) -> Markup:
     """Number of stands in each state, and of alarms not acknowledged."""
     ringing = sum(row.ringing for row in rows)
     if not rows:
-        return tag("div", tag("span", "no stand found yet", class_="soft"), class_="chips")
+        return tag("div", tag("span", tr("no stand found yet"), class_="soft"), class_="chips")
     told = [tag("span", f"{shape(level)} {count} {words}", class_=f"state {css(level)}")
             for level, count, words in counts(rows)]  # fmt: skip
-    return tag("div", *told, *unacknowledged(ringing), class_="chips")
-
-
-def unacknowledged(ringing: int, where: str = "") -> tuple[Markup, ...]:
-    """How many alarms ring, and that the bell is mute while nobody has touched the page."""
-    if not ringing:
-        return ()
-    words = f"▲ {ringing} not acknowledged{where}"
-    mute = tag("span", MUTE, class_="soft mute-note")
-    return tag("span", words, class_="state warn"), mute
+    # A narrow bar cuts off what comes last: how many await somebody comes right after the worst.
+    return tag(
+        "div",
+        *told[:1],
+        *unacknowledged(ringing)[:1],
+        *told[1:],
+        *unacknowledged(ringing)[1:],
+        class_="chips",
+    )
 
 
 def shape(level: Level | None) -> str:
@@ -85,7 +88,7 @@ def css(level: Level | None) -> str:
 def stands(rows: tuple[StandRow, ...]) -> Markup:
     """The stands, the worst first; each leads to its page."""
     if not rows:
-        words = "No stand has sent a verdict yet. Start its diagnoser, or a fleet."
+        words = tr("No stand has sent a verdict yet. Start its diagnoser, or a fleet.")
         return tag("p", words, class_="soft")
     words_of = {level: words for level, _, words in counts(rows)}
     listed = []
@@ -114,7 +117,7 @@ def journal(states: Mapping[str, OperatorState]) -> Markup:
     """Alarms of all stands: those not acknowledged on top, then the latest."""
     found = all_alarms(states)
     if not found:
-        return tag("p", "No episode so far.", class_="soft")
+        return tag("p", tr("No episode so far."), class_="soft")
     rows = [
         (
             tag("a", name, href=address(name), class_="stand"),
@@ -122,4 +125,4 @@ def journal(states: Mapping[str, OperatorState]) -> Markup:
         )
         for name, alarm in found
     ]
-    return ledger(("stand", *EPISODE_HEADS), rows)
+    return ledger((later("stand"), *EPISODE_HEADS), rows)

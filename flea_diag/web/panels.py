@@ -6,16 +6,25 @@ import math
 from collections.abc import Iterable
 
 from flea_diag.operator.alarm import SHELVED, Alarm, Key
-from flea_diag.operator.alarm_rate import rate_text
-from flea_diag.operator.alarm_view import action_text, cause, first_out, key_text, lifetime
+from flea_diag.operator.alarm_filter import is_active, matching
+from flea_diag.operator.alarm_view import (
+    PRIORITY,
+    action_text,
+    cause,
+    first_out,
+    key_text,
+    lifetime,
+    standing_text,
+    tally,
+)
 from flea_diag.operator.quantity import number
 from flea_diag.operator.stand_view import quality_rows, stream_losses
 from flea_diag.operator.state import AskedFeature, OperatorState
 from flea_diag.operator.stream import AXIS, StreamState
 from flea_diag.operator.verdict_view import in_short
+from flea_diag.operator.words import later, tr
 from flea_diag.web.markup import Markup, clock, joined, moment, tag
 from flea_diag.wire.records import (
-    NEVER_NS,
     OUTCOME_LEVEL,
     AmbiguityGroup,
     Candidate,
@@ -35,9 +44,17 @@ TOTAL = "samples"
 MOST_MARKS = 20
 OVER = "○"
 """Symbol of an episode that is over."""
-PRIORITY = {"now": "priority 1", "soon": "priority 2", "planned": "priority 3"}
-"""Urgency by the catalogue -> priority of the alarm."""
-EPISODE_HEADS = ("detected", "by", "verdict", "remarks", "")
+EPISODE_HEADS = (later("detected"), later("by"), later("verdict"), later("remarks"), "")
+QUALITY_HEADS = (
+    later("channel"), later("state"), later("since, UTC"), later("reason"), later("counters"),
+)  # fmt: skip
+STREAM_HEADS = (
+    later("topic"), later("state"), later("rate"), later("missing"), later("late"), later("lost"),
+)  # fmt: skip
+NODE_HEADS = (
+    later("node"), later("state"), later("CPU %"), later("memory MB"), later("lag ms"),
+)  # fmt: skip
+FEATURE_HEADS = (later("feature"), later("value"), later("nominal"), later("cost"))
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
 
@@ -50,7 +67,7 @@ def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
     """A table; cells are markup or text."""
     return tag(
         "table",
-        tag("tr", *(tag("th", head, scope="col") if head else tag("td") for head in heads)),
+        tag("tr", *(tag("th", tr(head), scope="col") if head else tag("td") for head in heads)),
         *(tag("tr", *(tag("td", cell) for cell in row)) for row in rows),
         class_="ledger",
     )
@@ -62,38 +79,39 @@ def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
 def data_quality(state: OperatorState, now_ns: int = 0) -> Markup:
     """Every channel with its state, since when and why, and its counters."""
     if state.quality is None:
-        return tag("p", "no message on data_quality yet", class_="soft")
+        return tag("p", tr("no message on data_quality yet"), class_="soft")
     rows = quality_rows(state, now_ns)
     order = sorted(rows, key=lambda row: row.quality is Quality.GOOD)
     cells = [
         (
             row.channel,
-            state_word(QUALITY_LEVEL[row.quality], row.quality.value),
+            state_word(QUALITY_LEVEL[row.quality], tr(row.quality.value)),
             clock(row.since_ns),
             row.reason,
-            ", ".join(f"{n} {name}" for name, n in row.counters if n and name != TOTAL)
-            or "nothing",
+            ", ".join(f"{n} {tr(name)}" for name, n in row.counters if n and name != TOTAL)
+            or tr("nothing"),
         )
         for row in order
     ]
-    return ledger(("channel", "state", "since, UTC", "reason", "counters"), cells)
+    return ledger(QUALITY_HEADS, cells)
 
 
 def streams(state: OperatorState, now_ns: int) -> Markup:
     """Rate and losses of each stream, and the health of the nodes."""
     rows = [_stream(state, stream, now_ns) for stream in state.streams.values()]
     nodes = [_node(health) for _, health in sorted(state.health.items())]
-    table = ledger(("topic", "state", "rate", "missing", "late", "lost"), rows)
+    table = ledger(STREAM_HEADS, rows)
     if not nodes:
         return table
-    heads = ("node", "state", "CPU %", "memory MB", "lag ms")
-    return joined(table, Markup("<br>"), ledger(heads, nodes))
+    return joined(table, Markup("<br>"), ledger(NODE_HEADS, nodes))
 
 
 def _stream(state: OperatorState, stream: StreamState, now_ns: int) -> tuple[object, ...]:
     standing = stream.standing(now_ns)
     level = Level.OK if standing == "running" else Level.STALE
-    words = f"stale for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else standing
+    words = tr(standing)
+    if standing == "stale":
+        words = tr("stale for {seconds:.0f} s", seconds=stream.silent_s(now_ns))
     rate = "" if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
     counts = (stream.missing, stream.late, stream_losses(state, stream))
     return (stream.name, state_word(level, words), rate, *counts)
@@ -110,16 +128,17 @@ def _node(health: Health) -> tuple[object, ...]:
 
 def dropped(group: AmbiguityGroup) -> Markup:
     """Every fault considered, with the evidence that kept or dropped it, step by step."""
-    stays = "not ruled out" if group.outcome is Outcome.UNEXPLAINED else "possible"
+    unexplained = group.outcome is Outcome.UNEXPLAINED
+    stays = tr("not ruled out") if unexplained else tr("possible")
     rows = [
         _considered(candidate, standing)
-        for candidates, standing in ((group.members, stays), (group.dropped, "dropped"))
+        for candidates, standing in ((group.members, stays), (group.dropped, tr("dropped")))
         for candidate in candidates
     ]
     return tag(
         "details",
-        tag("summary", f"Reasons for each of the {len(rows)} faults"),
-        ledger(("fault", "", "reason", "evidence"), rows),
+        tag("summary", tr("Reasons for each of the {count} faults", count=len(rows))),
+        ledger((later("fault"), "", later("reason"), later("evidence")), rows),
         data_name="why",
     )
 
@@ -143,15 +162,18 @@ def features(state: OperatorState) -> Markup:
     seen = {entry.name for entry in ours}
     rows = [_feature(entry) for entry in ours]
     rows += [
-        (name, "computed before this page was open", "", "")
+        (name, tr("computed before this page was open"), "", "")
         for name in group.features_computed
         if name not in seen
     ]
     done = len(group.features_computed)
     rest = max(group.features_available - len(seen | set(group.features_computed)), 0)
-    words = f"{done} of {group.features_available} features computed, {rest} not requested."
+    words = tr(
+        "{done} of {count} features computed, {rest} not requested.",
+        done=done, count=group.features_available, rest=rest,
+    )  # fmt: skip
     line = tag("p", words, class_="soft")
-    return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
+    return joined(ledger(FEATURE_HEADS, rows) if rows else None, line)
 
 
 def _without_features(state: OperatorState) -> str:
@@ -159,19 +181,18 @@ def _without_features(state: OperatorState) -> str:
     table = state.channels
     named = table is not None and any(row.name.startswith(AXIS) for row in table.channels)
     if state.level is not None or named:
-        return "Vibration arrives; features are requested only while a fault is being isolated."
-    return "No features: this stand has no accelerometers."
+        return tr("Vibration arrives; features are requested only while a fault is being isolated.")
+    return tr("No features: this stand has no accelerometers.")
 
 
 def _feature(entry: AskedFeature) -> tuple[object, ...]:
     name, value = entry.name, entry.value
     if value is None:
-        return (name, "requested, no answer yet", "", "")
+        return (name, tr("requested, no answer yet"), "", "")
     if math.isnan(value.value):
-        return (name, f"not computable: {value.reason}", "", "")
-    nominal = (
-        f"{number(value.nominal_low, unknown=NONE)} to {number(value.nominal_high, unknown=NONE)}"
-    )
+        return (name, tr("not computable: {reason}", reason=value.reason), "", "")
+    low = number(value.nominal_low, unknown=NONE)
+    nominal = tr("{low} to {high}", low=low, high=number(value.nominal_high, unknown=NONE))
     return (
         name,
         f"{number(value.value, value.unit)}  ({value.symbol})",
@@ -186,11 +207,11 @@ def _feature(entry: AskedFeature) -> tuple[object, ...]:
 def episodes(state: OperatorState) -> Markup:
     """All stored episodes, the latest first; those not acknowledged on top."""
     if not state.alarms:
-        return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
+        return joined(tag("p", tr("No episode so far."), class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
     first = first_out(state.alarms)
     rows = [episode_row(alarm, state.open_key, first=alarm.key == first) for alarm in order]
-    rate = tag("p", f"{rate_text(a.detected_ns for a in state.alarms)}.", class_="soft rate")
+    rate = tag("p", f"{tally(state)}.", class_="soft rate")
     return joined(rate, ledger(EPISODE_HEADS, rows), _marks(state))
 
 
@@ -199,19 +220,22 @@ def _marks(state: OperatorState) -> Markup | None:
     if not state.marks:
         return None
     rows = [(clock(mark.stamp_ns), mark.author, mark.text) for mark in reversed(state.marks)]
-    return joined(Markup("<br>"), ledger(("marked, UTC", "by", "text"), rows[:MOST_MARKS]))
+    return joined(
+        Markup("<br>"),
+        ledger((later("marked, UTC"), later("by"), later("text")), rows[:MOST_MARKS]),
+    )
 
 
 def episode_row(
     alarm: Alarm, open_key: Key | None, stand: str = "", first: bool = False
 ) -> tuple[object, ...]:
     """Cells of an episode; its buttons name the stand where several are listed."""
-    active = alarm.key == open_key and alarm.closed_ns == NEVER_NS
+    active = is_active(alarm, open_key)
     verdict = joined(
         state_word(OUTCOME_LEVEL[alarm.outcome], alarm.outcome.value)
         if active
         else tag("span", f"{OVER} {alarm.outcome.value}", class_="state over"),
-        tag("span", in_short(alarm) or "no verdict yet", class_="comment"),
+        tag("span", in_short(alarm) or tr("no verdict yet"), class_="comment"),
     )
     said = [tag("span", action_text(done), class_="comment") for done in alarm.actions]
     said += [
@@ -219,14 +243,16 @@ def episode_row(
         for c in alarm.comments
     ]
     return (
-        joined(
+        tag(
+            "div",
             moment(alarm.detected_ns),
-            tag("span", "first out", class_="state") if first else None,
-            tag("span", PRIORITY[alarm.urgency], class_="comment")
+            tag("span", tr("first out"), class_="state") if first else None,
+            tag("span", tr(PRIORITY[alarm.urgency]), class_="comment")
             if alarm.urgency in PRIORITY
             else None,
             tag("span", lifetime(alarm, open_key), class_="comment"),
-            tag("span", _standing(alarm), class_="comment"),
+            tag("span", standing_text(alarm), class_="comment"),
+            data_is=" ".join(matching(alarm, open_key)),
         ),
         cause(alarm),
         verdict,
@@ -235,26 +261,19 @@ def episode_row(
     )
 
 
-def _standing(alarm: Alarm) -> str:
-    if alarm.silenced and alarm.standing:
-        return f"{alarm.silenced}: does not ring"
-    if alarm.acknowledged_ns != NEVER_NS:
-        by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
-        return f"acknowledged {clock(alarm.acknowledged_ns, 0)}{by}"
-    return "not acknowledged" if alarm.rings else "from a replay: does not ring"
-
-
 def _buttons(name: str, alarm: Alarm) -> Markup:
     """What can be done to an alarm now."""
-    found = [tag("button", "Comment", type="button", data_opens="comment", data_alarm=name)]
+    found = [_button(tr("Comment"), name, opens="comment")]
     if alarm.undoable:
-        found.insert(0, tag("button", "Undo", type="button", data_act="undo", data_alarm=name))
+        found.insert(0, _button(tr("Undo"), name, act="undo"))
     if alarm.standing:
-        found.insert(
-            0, tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)
-        )
+        found.insert(0, _button(tr("Acknowledge"), name, act="ack"))
     if alarm.silenced == SHELVED:
-        found.append(tag("button", "Unshelve", type="button", data_act="unshelve", data_alarm=name))
+        found.append(_button(tr("Unshelve"), name, act="unshelve"))
     elif alarm.standing:
-        found.append(tag("button", "Shelve", type="button", data_opens="shelve", data_alarm=name))
+        found.append(_button(tr("Shelve"), name, opens="shelve"))
     return tag("div", *found, class_="actions")
+
+
+def _button(words: str, name: str, act: str | None = None, opens: str | None = None) -> Markup:
+    return tag("button", words, type="button", data_act=act, data_opens=opens, data_alarm=name)

@@ -13,12 +13,15 @@ from nicegui import app as pages
 from nicegui import ui
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.operator.words import language
 from flea_diag.web.connection import MOST_CONNECTIONS, PatientProtocol
 from flea_diag.web.guard import Guard, is_loopback
 from flea_diag.web.library_log import show_in_one_line
 from flea_diag.web.socket_gate import LONGEST_MESSAGE
 
 END_S = 3.0
+LIBRARY: dict[str, Any] = {"de": "de-DE"}
+"""Our language -> that of the library, for what it says itself; of others English."""
 KEPT_MESSAGES = 200
 """Messages buffered for a browser that is disconnected; beyond that it reloads the page."""
 
@@ -39,7 +42,7 @@ class Server:
             inner,
             title=title,
             dark=None,
-            language="en-US",
+            language=LIBRARY.get(language(), "en-US"),
             tailwind=False,
             binding_refresh_interval=None,
             message_history_length=KEPT_MESSAGES,

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flea_diag.operator.words import later, tr
 from flea_diag.web.history import signs
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.wire.records import AmbiguityGroup
 
-WORDS = {"+": "above", "-": "below", "0": "normal", "?": "unknown", "*": "any"}
+WORDS = {
+    "+": later("above"), "-": later("below"), "0": later("normal"), "?": later("unknown"),
+    "*": later("any"),
+}  # fmt: skip
 GLYPH = {"+": "▲", "-": "▼", "0": "●", "?": "…", "*": "∗"}
 CLASS = {"+": "plus", "-": "minus", "0": "zero", "?": "open", "*": "open"}
 MOST_COLUMNS = 5
@@ -26,7 +30,7 @@ def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
     names = list(dict.fromkeys(sign.source for sign in seen))
     head = tag(
         "tr",
-        tag("th", "residual", scope="col"),
+        tag("th", tr("residual"), scope="col"),
         *(
             tag("th", f"+{(stamp - group.detected_stamp_ns) / 1e9:.2f} s", scope="col")
             for stamp in stamps
@@ -45,7 +49,7 @@ def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
     quiet = [name for name in residuals if name not in names]
     below = tag(
         "details",
-        tag("summary", f"{len(quiet)} residuals without a symbol in this episode"),
+        tag("summary", tr("{count} residuals without a symbol in this episode", count=len(quiet))),
         tag("p", ", ".join(quiet), class_="quiet"),
         data_name="quiet",
     )
@@ -56,7 +60,10 @@ def _cell(observed: str, fresh: bool) -> Markup:
     if len(observed) != 2:
         return tag("td", "")
     magnitude, slope = observed
-    words = f"magnitude {WORDS[magnitude]}, slope {WORDS[slope]}"
+    words = tr(
+        "magnitude {magnitude}, slope {slope}",
+        magnitude=tr(WORDS[magnitude]), slope=tr(WORDS[slope]),
+    )  # fmt: skip
     return tag(
         "td",
         tag("b", GLYPH[magnitude], class_=CLASS[magnitude]),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flea_diag.operator.panel import share
+from flea_diag.operator.words import tr
 from flea_diag.web.history import answers, before_features
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.wire.records import AmbiguityGroup
@@ -32,7 +33,7 @@ def _node(node: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth
     if node.feature is None:
         return _leaf(node.faults if asked else final, taken=True)
     done = bool(asked)
-    words = "computed" if done else "next" if depth == 0 else "then"
+    words = tr("computed") if done else tr("next") if depth == 0 else tr("then")
     head = joined(
         tag("span", words, class_="role"), " ", tag("b", node.feature), _cost(node.expected_cost)
     )
@@ -42,7 +43,9 @@ def _node(node: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth
 
 
 def _cost(cost: float) -> Markup:
-    return tag("span", f" {cost:.3g}", class_="cost", title="expected cost to the leaves, in ms")
+    return tag(
+        "span", f" {cost:.3g}", class_="cost", title=tr("expected cost to the leaves, in ms")
+    )
 
 
 def _branch(
@@ -54,7 +57,7 @@ def _branch(
         "span",
         f"{'✓ ' if taken else ''}{_symbol(branch.symbol)}",
         class_="edge",
-        title="observed value" if taken else f"expected in {expected}",
+        title=tr("observed value") if taken else tr("expected in {share}", share=expected),
     )
     if taken:
         inner = _node(branch.node, asked[1:], final, 0)
@@ -72,10 +75,11 @@ def _planned(node: Any, depth: int) -> Markup:
 
 
 def _symbol(symbol: str) -> str:
-    return "not computable" if symbol == "?" else symbol.replace("-", "−")
+    return tr("not computable") if symbol == "?" else symbol.replace("-", "−")
 
 
 def _leaf(faults: tuple[str, ...], taken: bool) -> Markup:
-    names = ", ".join(faults[:MOST_NAMES]) or "no fault of the group"
-    more = f" and {len(faults) - MOST_NAMES} more" if len(faults) > MOST_NAMES else ""
-    return tag("span", names + more, class_="leaf here" if taken else "leaf")
+    names = ", ".join(faults[:MOST_NAMES]) or tr("no fault of the group")
+    if len(faults) > MOST_NAMES:
+        names = tr("{faults} and {more} more", faults=names, more=len(faults) - MOST_NAMES)
+    return tag("span", names, class_="leaf here" if taken else "leaf")

@@ -8,6 +8,7 @@ from typing import Any
 
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.words import later, tr
 from flea_diag.web.answer import answer, chips
 from flea_diag.web.causal_paths import causal_paths
 from flea_diag.web.group_flow import group_flow
@@ -20,8 +21,12 @@ from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Scan
 
 MOST_IN_TREE = 8
 """Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
-NO_EPISODE = "No episode is open."
-NO_HYPOTHESES = "No message on hypotheses yet, which holds the course of the episode."
+NO_EPISODE = later("No episode is open.")
+NO_HYPOTHESES = later("No message on hypotheses yet, which holds the course of the episode.")
+PATHS = later(
+    "Highlighted: shortest path in the model from each possible cause (◆) to the residual that it "
+    "explains. Solid: instantaneous, dashed: delayed, dotted: read by a residual."
+)
 
 
 @dataclass(frozen=True)
@@ -85,11 +90,7 @@ def _symbols(shown: Shown, _: Tools) -> Markup:
 
 
 def _paths(shown: Shown, tools: Tools) -> Markup:
-    note = (
-        "Highlighted: shortest path in the model from each possible cause (◆) to the residual that "
-        "it explains. Solid: instantaneous, dashed: delayed, dotted: read by a residual."
-    )
-    return joined(causal_paths(tools.causal_map, shown.episode), tag("p", note, class_="note"))
+    return joined(causal_paths(tools.causal_map, shown.episode), tag("p", tr(PATHS), class_="note"))
 
 
 def _tree(shown: Shown, tools: Tools) -> Markup:
@@ -101,14 +102,17 @@ def _tree(shown: Shown, tools: Tools) -> Markup:
         return listed
     count = len(before_features(group))
     if count > MOST_IN_TREE:
-        words = f"{count} faults are possible; the tree is drawn for at most {MOST_IN_TREE}."
+        words = tr(
+            "{count} faults are possible; the tree is drawn for at most {most}.",
+            count=count, most=MOST_IN_TREE,
+        )  # fmt: skip
         return joined(_nothing(words), listed)
     return joined(diagnosis_tree(tools.planner, group), listed)
 
 
 def _without(shown: Shown) -> str:
     """Why a panel of the course of an episode is empty."""
-    return NO_EPISODE if shown.episode is None else NO_HYPOTHESES
+    return tr(NO_EPISODE) if shown.episode is None else tr(NO_HYPOTHESES)
 
 
 def _nothing(words: str) -> Markup:
@@ -151,18 +155,21 @@ def _episode_and_features(shown: Shown) -> object:
 
 
 def _said_by_people(shown: Shown) -> object:
-    return shown.state.alarms, shown.state.marks, shown.state.service, shown.state.open_key
+    state = shown.state
+    return state.alarms, state.marks, state.service, state.open_key, state.waiting
 
 
 PANELS = (
     PagePanel("answer", "", "", _answer, _answered),
-    PagePanel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
-    PagePanel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
-    PagePanel("causes", "Temporal causal graph", "scroll", _paths, _episode),
-    PagePanel("tree", "Diagnosis tree and features", "", _tree, _episode_and_features),
-    PagePanel("episodes", "Episodes", "scroll", _episodes, _said_by_people),
-    PagePanel("quality", "Data quality", "half scroll", _quality, _quality_now),
-    PagePanel("streams", "Streams and nodes", "half scroll", _streams, _second),
+    PagePanel(
+        "group", later("Ambiguity group, step by step"), "two-thirds scroll", _flow, _episode
+    ),
+    PagePanel("symbols", later("Symbols over time"), "third scroll", _symbols, _episode_and_names),
+    PagePanel("causes", later("Temporal causal graph"), "scroll", _paths, _episode),
+    PagePanel("tree", later("Diagnosis tree and features"), "", _tree, _episode_and_features),
+    PagePanel("episodes", later("Episodes"), "scroll", _episodes, _said_by_people),
+    PagePanel("quality", later("Data quality"), "half scroll", _quality, _quality_now),
+    PagePanel("streams", later("Streams and nodes"), "half scroll", _streams, _second),
 )
 
 

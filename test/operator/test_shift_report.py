@@ -37,8 +37,8 @@ def test_desk_and_recording_give_the_same_report(tmp_path: Path) -> None:
     desk.comment(alarm.key, "nut is <hot>")
     desk.mark("load changed", START + 10**9)
     desk.acknowledge(alarm.key)
-    report = shift_report(desk.state, "bay", MADE)
-    assert report == shift_report(shift(kept), "bay", MADE)
+    report = shift_report({"bay": desk.state}, "bay", MADE)
+    assert report == shift_report({"bay": shift(kept)}, "bay", MADE)
     for words in (
         "part ordered",
         "nut is &lt;hot&gt;",
@@ -65,14 +65,14 @@ def test_a_flood_of_alarms_with_hostile_and_long_names_stays_bounded() -> None:
             LAST, detected_stamp_ns=at_ns, stamp_ns=at_ns, members=(member,), words=name
         )
         state = shown(verdict, state=state)
-    report = shift_report(state, name, MADE)
+    report = shift_report({name: state}, name, MADE)
     assert "a flood" in report
     assert "<img" not in report
     assert len(report) < 1_000_000
 
 
 def test_an_empty_shift_has_a_report() -> None:
-    assert "0, 0 not acknowledged" in shift_report(OperatorState(), "bay", MADE)
+    assert "0, 0 not acknowledged" in shift_report({"bay": OperatorState()}, "bay", MADE)
 
 
 def test_the_command_writes_it(tmp_path: Path) -> None:

@@ -83,7 +83,7 @@ def test_an_acknowledged_alarm_goes_below_those_that_ring() -> None:
     assert [name for name, _ in all_alarms(states)] == ["early", "late"]
     view = HallView()
     view.update(states, START)
-    assert "acknowledged 22:13:20 by Ada" in words(view.drawn["journal"])
+    assert "acknowledged 22:13:20 UTC by Ada" in words(view.drawn["journal"])
     assert view.drawn["journal"].count('data-act="ack"') == 1
 
 

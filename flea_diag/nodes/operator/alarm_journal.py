@@ -24,7 +24,8 @@ from flea_diag.nodes.operator.alarm_row import (
 )
 from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.operator.alarm import Alarm, AlarmAction, Comment, Key
+from flea_diag.operator.alarm import REPLAY, Alarm, AlarmAction, Comment, Key, bounded
+from flea_diag.operator.state import MOST_TIMES
 from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
 SCHEMA = """
@@ -42,6 +43,11 @@ CREATE TABLE IF NOT EXISTS action (
     PRIMARY KEY (stand, source, detected_ns, stamp_ns, kind, author));
 CREATE INDEX IF NOT EXISTS comment_alarm ON comment (stand, source, detected_ns);
 """
+ALARM = (
+    "SELECT source, detected_ns, CASE WHEN length(record) <= ? THEN record END, acknowledged_ns, "
+    "acknowledged_by FROM alarm WHERE stand = ?"
+)
+WAITS = f"(acknowledged_ns = -1 AND source != '{REPLAY}')"
 SERVICE: Key = ("service", NEVER_NS)
 """Source and detection stamp of what is done to all alarms of a stand."""
 ACTIONS = (RemarkKind.WITHDRAWN, RemarkKind.SHELVED, RemarkKind.UNSHELVED)
@@ -247,18 +253,34 @@ class AlarmJournal:
         )
 
     def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
-        """The latest alarms with their acknowledgements and comments, oldest first."""
+        """Alarms with their acknowledgements and comments, oldest first.
+
+        Those that nobody has acknowledged come before the others: the first of them and the latest.
+        """
+        asked = (LONGEST_RECORD, self._stand)
         rows = self._rows(
-            "SELECT source, detected_ns, CASE WHEN length(record) <= ? THEN record END, "
-            "acknowledged_ns, acknowledged_by FROM alarm WHERE stand = ? "
-            "ORDER BY detected_ns DESC LIMIT ?",
-            (LONGEST_RECORD, self._stand, most),
+            f"SELECT * FROM ({ALARM} ORDER BY {WAITS} DESC, detected_ns DESC LIMIT ?) UNION "
+            f"SELECT * FROM ({ALARM} AND {WAITS} ORDER BY detected_ns LIMIT 1) ORDER BY 2",
+            (*asked, most, *asked),
         )
-        read = [alarm for row in reversed(rows) for alarm in self._read(row[:2], alarm_of, *row)]
+        read = [alarm for row in rows for alarm in self._read(row[:2], alarm_of, *row)]
         return tuple(
             replace(alarm, comments=self._comments(alarm.key), actions=self._actions(alarm.key))
-            for alarm in read
+            for alarm in bounded(read, most)
         )
+
+    def times(self, most: int = MOST_TIMES) -> tuple[int, ...]:
+        """Stamps of the latest alarms."""
+        rows = self._rows(
+            "SELECT detected_ns FROM alarm WHERE stand = ? ORDER BY detected_ns DESC LIMIT ?",
+            (self._stand, most),
+        )
+        return tuple(row[0] for row in rows)
+
+    def waiting(self) -> int:
+        """Number of alarms that nobody has acknowledged."""
+        rows = self._rows(f"SELECT count(*) FROM alarm WHERE stand = ? AND {WAITS}", (self._stand,))
+        return int(rows[0][0])
 
     def marks(self, most: int = 100) -> tuple[Comment, ...]:
         """The latest marks, oldest first."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TextIO
 
+from flea_diag.configuration.languages import speak_language
 from flea_diag.errors import ConfigurationError, visible
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
@@ -54,6 +55,9 @@ class ConsoleParameters:
         "namespaces of the stands to list, worst first, or * for all that are found; empty: the "
         "stand of the node's own namespace",
         read_only=True,
+    )
+    language: str = parameter(
+        "en", "language of the screen: en, de, or the path of a file of texts", read_only=True
     )
 
 
@@ -144,6 +148,7 @@ class Screen:
 def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | Screen:
     """Show incoming records on standard output or on the terminal."""
     style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
+    speak_language(parameters.language)
     author = parameters.author or getpass.getuser()
     if parameters.stands:
         return _start_hall(bus, Hall(bus, parameters.stands, parameters.journal, author), style)
@@ -189,7 +194,8 @@ def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
 
 
 def check(parameters: ConsoleParameters) -> None:
-    """Refuse a style that cannot be shown."""
+    """Refuse a style that cannot be shown, or a language that there is not."""
+    speak_language(parameters.language)
     chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
 
 
@@ -216,6 +222,7 @@ def program() -> Program:
             "ros2 run flea_diag console --ros-args -r __ns:=/stand_2",
             "ros2 run flea_diag console --ros-args -p stands:=\"['bay_1', 'bay_2']\"",
             "ros2 run flea_diag console --ros-args -p stands:=\"['*']\"",
+            "ros2 run flea_diag console --ros-args -p language:=de",
         ),
         check=check,
     )

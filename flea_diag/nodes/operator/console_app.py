@@ -15,15 +15,18 @@ from textual.widgets import Footer, OptionList, Static
 from flea_diag.errors import visible
 from flea_diag.nodes.operator.console_bell import Bell
 from flea_diag.nodes.operator.console_question import Ask
-from flea_diag.nodes.operator.console_text import STYLES, fill, highlighted, plain, styled
+from flea_diag.nodes.operator.console_text import STYLES, fill, highlighted, in_words, plain, styled
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm_filter import EVERY, FILTERS, after
+from flea_diag.operator.alarm_view import alarms as listed
 from flea_diag.operator.alarm_view import detail, key_text
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
 from flea_diag.operator.verdict_view import level_of, why
 from flea_diag.operator.view import view
-from flea_diag.wire.records import Level
+from flea_diag.operator.words import later, tr
+from flea_diag.wire.records import AmbiguityGroup, Level
 
 REDRAW_S = 0.2
 MOST_DIGITS = 6
@@ -56,25 +59,28 @@ class ConsoleScreen(Screen[None]):
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (120, "-wide")]  # noqa: RUF012
     BINDINGS = (
-        Binding("a", "acknowledge", "Acknowledge"),
-        Binding("c", "comment", "Comment"),
-        Binding("z", "withdraw", "Undo"),
-        Binding("s", "shelve", "Shelve"),
-        Binding("o", "service", "Service"),
-        Binding("m", "mark", "Mark"),
-        Binding("u", "accept_unit", "Accept unit"),
-        Binding("i", "inject", "Inject (simulated)"),
-        Binding("tab", "app.focus_next", "Next list"),
-        Binding("q", "app.quit", "Quit"),
+        Binding("a", "acknowledge", later("Acknowledge")),
+        Binding("c", "comment", later("Comment")),
+        Binding("z", "withdraw", later("Undo")),
+        Binding("s", "shelve", later("Shelve")),
+        Binding("o", "service", later("Service")),
+        Binding("f", "filter", later("Filter")),
+        Binding("m", "mark", later("Mark")),
+        Binding("u", "accept_unit", later("Accept unit")),
+        Binding("i", "inject", later("Inject (simulated)")),
+        Binding("tab", "app.focus_next", later("Next list")),
+        Binding("q", "app.quit", later("Quit")),
     )
 
     def __init__(self, desk: Desk, ended: Callable[[], bool]) -> None:
         super().__init__()
+        in_words(self)
         self._desk, self._ended = desk, ended
         self._offered = (False, False)
         self._bell = Bell()
         self._said = ""
         self._rows: dict[str, tuple[Line, ...]] = {}
+        self._filter = EVERY
 
     def compose(self) -> ComposeResult:
         """Verdict, two columns of panels, episodes, key bar."""
@@ -103,6 +109,8 @@ class ConsoleScreen(Screen[None]):
         self.ring()
         state = self._desk.state
         shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
+        if (found := listed(state, self._filter)) is not None:
+            shown["episodes"] = found
         chosen = self._chosen_member()
         if chosen is not None:
             shown["why"] = why(chosen)
@@ -126,7 +134,7 @@ class ConsoleScreen(Screen[None]):
 
     def _verdict(self, panel: Panel) -> None:
         group = self._desk.state.group
-        silent = panel.title.startswith("NO VERDICT")
+        silent = self._desk.state.silent(AmbiguityGroup, self._desk.now_ns())
         level = Level.STALE if silent or group is None else level_of(group)
         text = Text()
         text.append(f" {visible(panel.title)} ", f"{STYLES[level]} reverse")
@@ -181,7 +189,7 @@ class ConsoleScreen(Screen[None]):
         """Acknowledge the selected alarm."""
         alarm = self._chosen_alarm()
         if alarm is None:
-            self._tell("no alarm to acknowledge")
+            self._tell(tr("no alarm to acknowledge"))
             return
         self._desk.acknowledge(alarm.key)
         self.redraw()
@@ -190,11 +198,11 @@ class ConsoleScreen(Screen[None]):
         """Ask for a comment on the selected alarm."""
         alarm = self._chosen_alarm()
         if alarm is None:
-            self._tell("no alarm to comment on; press m to mark this moment instead")
+            self._tell(tr("no alarm to comment on; press m to mark this moment instead"))
             return
         question = detail(alarm).title
         self.app.push_screen(
-            Ask(f"Comment on {question}", "finding, action taken"),
+            Ask(tr("Comment on {alarm}", alarm=question), tr("finding, action taken")),
             lambda text: self._desk.comment(alarm.key, text) if text else None,
         )
 
@@ -202,7 +210,7 @@ class ConsoleScreen(Screen[None]):
         """Withdraw the latest acknowledgement, as long as it can be."""
         undoable = [alarm for alarm in self._desk.state.alarms if alarm.undoable]
         if not undoable:
-            self._tell("no acknowledgement of the last 10 s to withdraw")
+            self._tell(tr("no acknowledgement of the last 10 s to withdraw"))
             return
         self._desk.withdraw(max(undoable, key=lambda alarm: alarm.acknowledged_ns).key)
         self.redraw()
@@ -211,7 +219,7 @@ class ConsoleScreen(Screen[None]):
         """Ask for how long the selected alarm is shelved, and why."""
         alarm = self._chosen_alarm()
         if alarm is None:
-            self._tell("no alarm to shelve")
+            self._tell(tr("no alarm to shelve"))
             return
 
         def shelved(text: str | None) -> None:
@@ -219,9 +227,12 @@ class ConsoleScreen(Screen[None]):
             if minutes.isdecimal() and len(minutes) < MOST_DIGITS and (reason or minutes == "0"):
                 self._desk.shelve(alarm.key, int(minutes), reason)
             elif text:
-                self._tell(f"not shelved: {text!r} is no number of minutes and a reason")
+                self._tell(
+                    tr("not shelved: {text} is no number of minutes and a reason", text=repr(text))
+                )
 
-        self.app.push_screen(Ask("Shelve this alarm: minutes, reason", "60 part ordered"), shelved)
+        question = Ask(tr("Shelve this alarm: minutes, reason"), tr("60 part ordered"))
+        self.app.push_screen(question, shelved)
 
     def action_service(self) -> None:
         """Ask why the alarms of this stand go out of service, or come back."""
@@ -231,9 +242,16 @@ class ConsoleScreen(Screen[None]):
             if where in ("out", "in") and reason:
                 self._desk.set_service(where == "out", reason)
             elif text:
-                self._tell(f"{text!r} is not 'out' or 'in' and a reason")
+                self._tell(tr("{text} is not 'out' or 'in' and a reason", text=repr(text)))
 
-        self.app.push_screen(Ask("Alarms of this stand: out or in, why", "out maintenance"), told)
+        question = Ask(tr("Alarms of this stand: out or in, why"), tr("out maintenance"))
+        self.app.push_screen(question, told)
+
+    def action_filter(self) -> None:
+        """Show other alarms in the list."""
+        self._filter = after(self._filter)
+        self._tell(tr("episodes: {filter}", filter=tr(FILTERS[self._filter][0])))
+        self.redraw()
 
     def action_mark(self) -> None:
         """Ask for the text of a mark; its stamp is the moment of the key press."""
@@ -242,9 +260,9 @@ class ConsoleScreen(Screen[None]):
         def kept(text: str | None) -> None:
             if text:
                 self._desk.mark(text, moment_ns)
-                self._tell(f"marked: {text}")
+                self._tell(tr("marked: {text}", text=text))
 
-        self.app.push_screen(Ask("Mark this moment", "load changed"), kept)
+        self.app.push_screen(Ask(tr("Mark this moment"), tr("load changed")), kept)
 
     def action_accept_unit(self) -> None:
         """Ask why the unit on the stand is healthy; its difference stands in the verdict."""
@@ -252,18 +270,19 @@ class ConsoleScreen(Screen[None]):
         def decided(text: str | None) -> None:
             self._desk.decide_on_unit(text or "")
 
-        self.app.push_screen(Ask(ASKED, EXAMPLE), decided)
+        self.app.push_screen(Ask(tr(ASKED), tr(EXAMPLE)), decided)
 
     def action_inject(self) -> None:
         """Ask for a fault to inject into a simulated stand."""
-        example = "jam, or with a size jam:0.5; 'clear' removes all faults"
-        self.app.push_screen(Ask("Inject a fault into the simulated stand", example), self._put_in)
+        question = tr("Inject a fault into the simulated stand")
+        example = tr("jam, or with a size jam:0.5; 'clear' removes all faults")
+        self.app.push_screen(Ask(question, example), self._put_in)
 
     def _put_in(self, text: str | None) -> None:
         if not text:
             return
         fault = "" if text.strip() == "clear" else text.strip()
-        self._tell(f"requested from the stand: inject = {fault!r}")
+        self._tell(tr("requested from the stand: {fault}", fault=repr(fault)))
         self._desk.faults.set(fault, lambda why_not: self._tell(_outcome(fault, why_not)))
 
     def _tell(self, text: str) -> None:
@@ -314,5 +333,5 @@ def _block(name: str) -> tuple[Static | OptionList, ...]:
 
 def _outcome(fault: str, why_not: str) -> str:
     if why_not:
-        return f"not injected: {why_not}"
-    return f"the stand accepted inject = {fault!r}; see the truth line for the active faults"
+        return tr("Not injected: {why}", why=why_not)
+    return tr("the stand accepted {fault}; see the truth line", fault=repr(fault))

@@ -12,17 +12,18 @@ from textual.widgets import Footer, OptionList, Static
 
 from flea_diag.nodes.operator.console_app import REDRAW_S, ConsoleScreen, ScreenApp
 from flea_diag.nodes.operator.console_bell import Bell
-from flea_diag.nodes.operator.console_text import fill, highlighted, plain
+from flea_diag.nodes.operator.console_text import fill, highlighted, in_words, plain
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.nodes.operator.hall import Hall
 from flea_diag.operator.hall_view import hall as listed
 from flea_diag.operator.panel import Line
+from flea_diag.operator.words import later
 
 
 class OpenStand(ConsoleScreen):
     """The console of one stand; Escape leads back to the list, which rings for all."""
 
-    BINDINGS = (*ConsoleScreen.BINDINGS, Binding("escape", "leave", "All stands"))
+    BINDINGS = (*ConsoleScreen.BINDINGS, Binding("escape", "leave", later("All stands")))
 
     def ring(self) -> None:
         """Leave it to the list."""
@@ -36,12 +37,13 @@ class HallScreen(Screen[None]):
     """Draws the list five times a second."""
 
     BINDINGS = (
-        Binding("enter", "open", "Open", priority=True),
-        Binding("q", "app.quit", "Quit"),
+        Binding("enter", "open", later("Open"), priority=True),
+        Binding("q", "app.quit", later("Quit")),
     )
 
     def __init__(self, hall: Hall, ended: Callable[[], bool]) -> None:
         super().__init__()
+        in_words(self)
         self._hall, self._ended, self._bell = hall, ended, Bell()
         self._rows: tuple[Line, ...] = ()
 

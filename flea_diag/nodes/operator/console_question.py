@@ -9,15 +9,18 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Label
 
 from flea_diag.errors import visible
+from flea_diag.nodes.operator.console_text import in_words
+from flea_diag.operator.words import later
 
 
 class Ask(ModalScreen[str]):
     """Asks for one line of text; Escape cancels."""
 
-    BINDINGS = (Binding("escape", "leave", "Cancel"),)
+    BINDINGS = (Binding("escape", "leave", later("Cancel")),)
 
     def __init__(self, question: str, example: str) -> None:
         super().__init__()
+        in_words(self)
         self._question, self._example = question, example
 
     def compose(self) -> ComposeResult:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from rich.text import Text
+from textual.screen import Screen
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
 from flea_diag.errors import visible
 from flea_diag.operator.panel import Line
+from flea_diag.operator.words import tr
 from flea_diag.wire.records import Level
 
 STYLES = {
@@ -31,6 +36,12 @@ def styled(lines: tuple[Line, ...]) -> Text:
     for number, line in enumerate(lines):
         text.append(("\n" if number else "") + visible(line.text), STYLES[line.level])
     return text
+
+
+def in_words(screen: Screen[Any]) -> None:
+    """Name the keys of a screen in its language; they were bound before it was known."""
+    for bindings in screen._bindings.key_to_bindings.values():
+        bindings[:] = [replace(key, description=tr(key.description)) for key in bindings]
 
 
 def _parts(lines: tuple[Line, ...]) -> list[tuple[Line, ...]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ class Desk:
         self._lock = threading.RLock()
         self._noted: dict[Key, Alarm] = {}
         self._version = self._openings = -1
+        self._unsaid = False
         self.trouble = ""
         self.on_record: list[Callable[[Record], None]] = []
         self.on_remark: list[Callable[[Remark], None]] = []
@@ -80,6 +82,8 @@ class Desk:
             self.state = with_losses(aged(self.state, self.now_ns()), lost or {})
             self._note()
             self._kept(self._read)
+            if self._unsaid:
+                self._unsaid = not self._kept(self._count)
             self.state = as_of(self.state, time.time_ns())
 
     def _note(self) -> None:
@@ -89,7 +93,12 @@ class Desk:
             self._noted = {}
         for alarm in self.state.alarms:
             if self._noted.get(alarm.key) is not alarm and self._kept(self._journal.note, alarm):
+                self._unsaid = self._unsaid or alarm.key not in self._noted
                 self._noted[alarm.key] = alarm
+
+    def _count(self) -> None:
+        """Take over how many alarms of the journal, also of those not shown, await somebody."""
+        self.state = replace(self.state, waiting=self._journal.waiting())
 
     def _read(self) -> None:
         version = self._journal.version()
@@ -99,7 +108,14 @@ class Desk:
 
     def _reread(self) -> None:
         journal = self._journal
-        self.state = with_journal(self.state, journal.alarms(), journal.marks(), journal.service())
+        self.state = with_journal(
+            self.state,
+            journal.alarms(),
+            journal.marks(),
+            journal.service(),
+            journal.times(),
+            journal.waiting(),
+        )
         self.state = as_of(self.state, time.time_ns())
         self._noted = {alarm.key: alarm for alarm in self.state.alarms}
 
@@ -118,6 +134,12 @@ class Desk:
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
         self._say(Remark(time.time_ns(), RemarkKind.ACKNOWLEDGED, self._author, "", *key))
+
+    def acknowledge_all(self, keys: Sequence[Key]) -> None:
+        """Acknowledge these alarms: those of a list that a person has seen."""
+        now_ns = time.time_ns()
+        done = (Remark(now_ns, RemarkKind.ACKNOWLEDGED, self._author, "", *key) for key in keys)
+        self._say(*done)
 
     def withdraw(self, key: Key) -> None:
         """Withdraw the acknowledgement of one alarm; it rings again."""
@@ -161,16 +183,20 @@ class Desk:
             return time.time_ns()
         return state.scan.stamp_ns
 
-    def _say(self, remark: Remark) -> None:
-        if not remark.text.strip() and remark.kind in (RemarkKind.COMMENT, RemarkKind.MARK):
-            return
-        self._hear(remark)
-        for call in self.on_remark:
-            call(remark)
+    def _say(self, *remarks: Remark) -> None:
+        silent = RemarkKind.COMMENT, RemarkKind.MARK
+        said = [r for r in remarks if r.text.strip() or r.kind not in silent]
+        self._hear(*said)
+        for remark in said:
+            for call in self.on_remark:
+                call(remark)
 
-    def _hear(self, remark: Remark) -> None:
+    def _hear(self, *remarks: Remark) -> None:
         with self._lock:
-            if self._kept(self._journal.keep, remark):
+            for remark in remarks:
+                self._kept(self._journal.keep, remark)
+            # What has just failed is still said: it is not read anew then.
+            if not self.trouble:
                 self._kept(self._reread)
 
     def close(self) -> None:

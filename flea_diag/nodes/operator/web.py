@@ -10,10 +10,12 @@ from importlib.util import find_spec
 from typing import Any
 
 from flea_diag import __version__
+from flea_diag.configuration.languages import speak_language
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
 from flea_diag.operator.state import SHOWN
+from flea_diag.operator.words import tr
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
 
@@ -60,6 +62,9 @@ class WebParameters:
         "namespace",
         read_only=True,
     )
+    language: str = parameter(
+        "en", "language of the page: en, de, or the path of a file of texts", read_only=True
+    )
 
 
 def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
@@ -71,8 +76,9 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     from flea_diag.web.server import Server
 
     token = token_of(parameters.address, parameters.token_file)
+    speak_language(parameters.language)
     site = Site(bus.warn)
-    title = f"flea_diag · {'all stands' if parameters.stands else bus.stand}"
+    title = f"flea_diag · {tr('all stands') if parameters.stands else bus.stand}"
     serve = _serve_hall if parameters.stands else _serve_stand
     end = serve(site, bus, parameters, title)
     server = Server(title, parameters.address, parameters.port, token)
@@ -105,7 +111,12 @@ def _serve_hall(
     tools = {stand: picture_tools(stand) for stand in {parameters.stand, *drawn.values()}}
     names = [name for name, _, _ in given]
     hall = Hall(bus, names, parameters.journal, _author(parameters))
-    site.serve_hall(hall, lambda name: tools[drawn.get(name, parameters.stand)], title)
+    site.serve_hall(
+        hall,
+        lambda name: tools[drawn.get(name, parameters.stand)],
+        title,
+        (("flea_diag", __version__),),
+    )
     return hall.end
 
 
@@ -132,12 +143,14 @@ def program() -> Program:
         start,
         subscribes=(*SHOWN, *SAID),
         publishes=SAID,
+        check=lambda parameters: speak_language(parameters.language),
         examples=(
             "ros2 run flea_diag web                 then open http://127.0.0.1:8630/",
             "ros2 run flea_diag web --ros-args -p address:=0.0.0.0 -p token_file:=page.token",
             "ros2 run flea_diag web --ros-args -r __ns:=/stand_2 -p port:=8631",
             "ros2 run flea_diag web --ros-args -p stands:=\"['bay_1', 'bay_2=./mine']\"",
             "ros2 run flea_diag web --ros-args -p stands:=\"['*']\"",
+            "ros2 run flea_diag web --ros-args -p language:=de",
         ),
     )
 

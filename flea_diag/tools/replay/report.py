@@ -19,6 +19,8 @@ EXAMPLES = """\
 examples:
   flea report bags/run                      to bags/run_report.html
   flea report bags/run -o shift.html        to another file
+  flea report bags/bay_1 bags/bay_2         several stands in one report, to shift_report.html
+  flea report bags/run --language de        in German
 
 The report is one page of HTML with its evidence behind it, to be read or printed (PDF: print it
 from a browser). It is made of the recorded verdicts and remarks; the page of a running stand has
@@ -28,31 +30,61 @@ a button for the same.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bag", type=Path, metavar="BAGDIR", help="recording")
+    parser.add_argument("bags", type=Path, nargs="+", metavar="BAGDIR", help="recordings")
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="HTML", help="file (default: BAGDIR_report.html)"
-    )
+        "-o", "--output", type=Path, metavar="HTML",
+        help="file (default: BAGDIR_report.html, of several recordings shift_report.html)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--language", "--lang", default="en", metavar="CODE",
+        help="language of the report: en, de, or a file of texts (default: %(default)s)",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the report of one bag."""
+    """Write the report of one shift, recorded on one stand or on several."""
     from flea_diag import __version__
-    from flea_diag.operator.journal_state import as_of
+    from flea_diag.configuration.languages import speak_language
     from flea_diag.operator.shift_report import shift_report
+    from flea_diag.operator.words import tr
+
+    speak_language(arguments.language)
+    bags: list[Path] = arguments.bags
+    target: Path = arguments.output or _target(bags)
+    found = {name: at_the_end(bag) for name, bag in zip(_names(bags), bags, strict=True)}
+    made_ns = max(ended_ns for ended_ns, _ in found.values())
+    states = {name: state for name, (_, state) in found.items()}
+    facts = (*((tr("recording"), str(bag)) for bag in bags), ("flea_diag", __version__))
+    write_text(target, shift_report(states, ", ".join(states), made_ns, facts))
+    alarms = sum(len(state.alarms) for state in states.values())
+    marks = sum(len(state.marks) for state in states.values())
+    say(f"{target}: {alarms} alarms, {marks} marks")
+    return 0
+
+
+def _target(bags: list[Path]) -> Path:
+    if len(bags) > 1:
+        return Path("shift_report.html")
+    return bags[0].with_name(f"{bags[0].name}_report.html")
+
+
+def _names(bags: list[Path]) -> list[str]:
+    """What each recording is called: its name, or its path where another has the same name."""
+    names = [bag.name for bag in bags]
+    return [b.name if names.count(b.name) == 1 else str(b) for b in bags]
+
+
+def at_the_end(bag: Path) -> tuple[int, OperatorState]:
+    """Latest stamp of a recording, and the state of its stand then."""
+    from flea_diag.operator.journal_state import as_of
     from flea_diag.operator.state import SHOWN
     from flea_diag.wire.bags.bag import read_bag
     from flea_diag.wire.records import Remark, Scan
 
-    source: Path = arguments.bag
-    target: Path = arguments.output or source.with_name(f"{source.name}_report.html")
     kinds = tuple(kind for kind in (*SHOWN, Remark) if kind is not Scan)
-    records = [record for _, record in read_bag(source, kinds)]
-    made_ns = max((record.stamp_ns for record in records), default=0)
-    state = as_of(shift(records), made_ns)
-    facts = (("recording", str(source)), ("flea_diag", __version__))
-    write_text(target, shift_report(state, source.name, made_ns, facts))
-    say(f"{target}: {len(state.alarms)} alarms, {len(state.marks)} marks")
-    return 0
+    records = [record for _, record in read_bag(bag, kinds)]
+    ended_ns = max((record.stamp_ns for record in records), default=0)
+    return ended_ns, as_of(shift(records), ended_ns)
 
 
 def shift(records: Iterable[Record]) -> OperatorState:

@@ -5,37 +5,58 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from flea_diag.operator.words import later, tr
 from flea_diag.web.markup import Markup, tag
 from flea_diag.web.pages.elements import Strips
 from flea_diag.web.strips import STRETCH_NS, StripCharts
 
 CHARTS = {
-    "residual": "Residuals and their limits",
-    "channel": "Channels",
-    "vibration": "Vibration level",
+    "residual": later("Residuals and their limits"),
+    "channel": later("Channels"),
+    "vibration": later("Vibration level"),
 }
-HELP = (
+HELP = later(
     "Drag over a chart to zoom all of them, double-click to follow the clock again; the cursor "
     "shows its moment in every chart. Times are UTC."
 )
-EVENTS = "▼ solid line: detection; ◆ dotted line: mark."
+EVENTS = later("▼ solid line: detection; ◆ dotted line: mark.")
 NOTES = {
-    "residual": f"Blue: residual; dashed orange: limits, with the band between them. {EVENTS} "
-    "Residuals above their limit within the last minute come first; “all” shows the others. "
-    f"{HELP}",
-    "channel": "Blue: measurement; orange: estimate of the state observer with a band of two "
-    f"standard deviations. {EVENTS} After a detection the estimate is not corrected by "
-    "measurements.",
-    "vibration": f"Standard deviation and kurtosis of each block. {EVENTS}",
+    "residual": (
+        later("Blue: residual; dashed orange: limits, with the band between them."),
+        EVENTS,
+        later(
+            "Residuals above their limit within the last minute come first; “all” shows the others."
+        ),
+        HELP,
+    ),
+    "channel": (
+        later(
+            "Blue: measurement; orange: estimate of the state observer with a band of two standard "
+            "deviations."
+        ),
+        EVENTS,
+        later("After a detection the estimate is not corrected by measurements."),
+    ),
+    "vibration": (later("Standard deviation and kurtosis of each block."), EVENTS),
 }
-SPANS_S = {10: "10 s", 30: "30 s", 60: "1 min", 600: "10 min"}
+SPANS_S = {10: later("10 s"), 30: later("30 s"), 60: later("1 min"), 600: later("10 min")}
 FIRST_SPAN_S = 30
+SAID = {
+    "none": later("no value"),
+    "limit": later("limit"),
+    "of": later("strip chart of {name}"),
+}
 ACTIONS = (
-    ("onset", "Onset", "jump to the latest detection"),
-    ("pause", "Pause", "hold the charts"),
-    ("png", "PNG", "save a picture of these charts"),
-    ("csv", "CSV", "save the values in view"),
+    ("onset", later("Onset"), later("jump to the latest detection")),
+    ("pause", later("Pause"), later("hold the charts")),
+    ("png", "PNG", later("save a picture of these charts")),
+    ("csv", "CSV", later("save the values in view")),
 )
+
+
+def note(kind: str) -> str:
+    """What stands below a block: how its charts are to be read."""
+    return " ".join(map(tr, NOTES[kind]))
 
 
 def controls(kind: str) -> Markup:
@@ -43,22 +64,27 @@ def controls(kind: str) -> Markup:
     first = kind == next(iter(CHARTS))
     spans = [
         tag(
-            "button", words, type="button", data_span=seconds,
+            "button", tr(words), type="button", data_span=seconds,
             aria_pressed=str(seconds == FIRST_SPAN_S).lower(),
         )
         for seconds, words in SPANS_S.items()
     ]  # fmt: skip
     rest = [
         tag(
-            "button", words, type="button", data_strip=name, title=why,
+            "button", tr(words), type="button", data_strip=name, title=tr(why),
             aria_pressed="false" if name == "pause" else None,
         )
         for name, words, why in ACTIONS
         if first or name in ("png", "csv")
     ]  # fmt: skip
-    every = tag("button", "all", type="button", data_strip="all", aria_pressed="false")
+    every = tag("button", tr("all"), type="button", data_strip="all", aria_pressed="false")
     shown = [*spans, *rest, every] if first else rest
     return tag("div", *shown, class_="spans")
+
+
+def said() -> dict[str, str]:
+    """What the charts say by themselves."""
+    return {name: tr(words) for name, words in SAID.items()}
 
 
 Marks = tuple[tuple[int, str], ...]
@@ -81,7 +107,9 @@ class Chart:
             self.generation, self.stretch = strips.generation, -1
             about = strips.description(self.kind)
             past = strips.past(self.kind)
-            self.element.run_method("describe", about, columns(about), self._stretch_ns / 1e9, past)
+            self.element.run_method(
+                "describe", about, columns(about), self._stretch_ns / 1e9, past, said()
+            )
         rows = strips.after(self.kind, self.stretch)
         if not rows and marks == self.marks:
             return

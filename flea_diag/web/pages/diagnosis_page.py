@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import zip_longest
 from typing import Any, Protocol
 
@@ -11,14 +11,17 @@ from nicegui import Client, ui
 from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
-from flea_diag.operator.state import OperatorState
+from flea_diag.operator.state import MOST_ALARMS, OperatorState
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
-from flea_diag.web.markup import tag
+from flea_diag.operator.words import later, tr
+from flea_diag.web.markup import joined
+from flea_diag.web.pages.alarm_filter import AlarmFilter
 from flea_diag.web.pages.button import button
-from flea_diag.web.pages.charts import CHARTS, NOTES, Chart, Marks, controls
+from flea_diag.web.pages.charts import CHARTS, Chart, Marks, controls, note
 from flea_diag.web.pages.elements import PanelBody, Strips, section
 from flea_diag.web.pages.frame import Frame
 from flea_diag.web.pages.injection import InjectionDialog
+from flea_diag.web.pages.report import report_link
 from flea_diag.web.pages.text_dialog import Said, TextDialog
 from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import PANELS, View
@@ -30,20 +33,23 @@ ORDER = (
 )  # fmt: skip
 """Order of the page: verdict, evidence, history, status of the stand."""
 DIGITS = "1234567890"
-SHELVED_FOR = (("10", "10 minutes"), ("60", "1 hour"), ("480", "8 hours, a shift"))
+SHELVED_FOR = (
+    ("10", later("10 minutes")), ("60", later("1 hour")), ("480", later("8 hours, a shift"))
+)  # fmt: skip
 """Minutes for which an alarm can be shelved."""
 OUT_NOW, IN_NOW = "out", "in"
-SERVICE = ((OUT_NOW, "out of service"), (IN_NOW, "in service"))
+SERVICE = ((OUT_NOW, later("out of service")), (IN_NOW, later("in service")))
 KEYS = (
-    ("a", "acknowledge the latest episode"),
-    ("c", "comment on the latest episode"),
-    ("m", "mark this moment"),
-    ("o", "take the alarms of this stand out of service, or put them back"),
-    ("u", "accept a unit as healthy that differs by more than the calibration allows"),
-    ("i", "inject a fault (simulated stand only)"),
-    ("1 … 9, 0", "go to a panel, in page order"),
+    ("a", later("acknowledge the latest episode")),
+    ("c", later("comment on the latest episode")),
+    ("m", later("mark this moment")),
+    ("f", later("filter the episodes")),
+    ("o", later("take the alarms of this stand out of service, or put them back")),
+    ("u", later("accept a unit as healthy that differs by more than the calibration allows")),
+    ("i", later("inject a fault (simulated stand only)")),
+    ("1 … 9, 0", later("go to a panel, in page order")),
 )
-LEAVE = ("Escape", "return to the list of all stands")
+LEAVE = ("Escape", later("return to the list of all stands"))
 
 
 class OperatorNode(Protocol):
@@ -59,6 +65,9 @@ class OperatorNode(Protocol):
 
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
+
+    def acknowledge_all(self, keys: Sequence[Key]) -> None:
+        """Acknowledge these alarms."""
 
     def withdraw(self, key: Key) -> None:
         """Withdraw an acknowledgement."""
@@ -95,8 +104,8 @@ class DiagnosisPage(Frame):
         Called after what a person has done, to draw at once.
     client
         The browser.
-    listed
-        Whether there is a list of all stands to return to.
+    stand
+        Name in the list of all stands, to which the page leads back; empty where there is none.
     """
 
     def __init__(
@@ -105,51 +114,52 @@ class DiagnosisPage(Frame):
         title: str,
         changed: Callable[[], None],
         client: Client,
-        listed: bool = False,
+        stand: str = "",
     ) -> None:
-        self._desk, self._listed = desk, listed
+        self._desk, self._stand = desk, stand
         self._bodies: dict[str, PanelBody] = {}
         self._charts: list[Chart] = []
         self._moment_ns = NEVER_NS
-        super().__init__(client, title, (*KEYS, LEAVE) if listed else KEYS, changed)
+        super().__init__(client, title, (*KEYS, LEAVE) if stand else KEYS, changed)
 
     # -- layout
 
     def actions(self) -> None:
         """Add the buttons of this page to the bar."""
-        button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
-        self._comment_button = button("Comment", "c", opens="comment")
-        button("Mark", "m", opens="mark")
+        button(tr("Acknowledge"), "a", self._acknowledge_latest).classes("primary")
+        self._comment_button = button(tr("Comment"), "c", opens="comment")
+        button(tr("Mark"), "m", opens="mark")
 
     def more(self) -> None:
         """Add the buttons that a narrow bar keeps in a menu."""
-        button("Service", "o", opens="service")
-        if not self._listed:
-            link = tag("a", "Report", href="/report", target="_blank", class_="button")
-            ui.html(str(link), sanitize=False)
-        self._accept = button("Accept unit", "u", opens="unit")
+        button(tr("Service"), "o", opens="service")
+        report_link(self._stand)
+        self._accept = button(tr("Accept unit"), "u", opens="unit")
         self._accept.set_visibility(False)
         self._injection = InjectionDialog(self._desk)
 
     def _questions(self) -> None:
         """Add the dialogs of this page."""
         TextDialog(
-            "comment", "Comment on the episode", self._comment, example="finding, action taken",
-            field="Comment",
+            "comment", tr("Comment on the episode"), self._comment, field=tr("Comment"),
+            example=tr("finding, action taken"),
         )  # fmt: skip
         TextDialog(
-            "shelve", "Shelve this alarm", self._shelve, field="Reason", example="part ordered",
-            choices=SHELVED_FOR, chosen="For", save="Shelve",
-            about="It does not ring until then, and stays in the list.",
+            "shelve", tr("Shelve this alarm"), self._shelve, field=tr("Reason"),
+            example=tr("part ordered"), choices=SHELVED_FOR, chosen=tr("For"), save=tr("Shelve"),
+            about=tr("It does not ring until then, and stays in the list."),
         )  # fmt: skip
         TextDialog(
-            "service", "Alarms of this stand", self._set_service, field="Reason",
-            example="maintenance until noon", choices=SERVICE, chosen="Alarms",
-            about="Out of service they do not ring; they are kept, and the bar says so.",
+            "service", tr("Alarms of this stand"), self._set_service, field=tr("Reason"),
+            example=tr("maintenance until noon"), choices=SERVICE, chosen=tr("Alarms"),
+            about=tr("Out of service they do not ring; they are kept, and the bar says so."),
         )  # fmt: skip
-        TextDialog("mark", "Mark this moment", self._mark, preset="mark", opened=self._hold_moment)
+        TextDialog(
+            "mark", tr("Mark this moment"), self._mark, field=tr("Text"), preset=tr("mark"),
+            opened=self._hold_moment,
+        )  # fmt: skip
         self._injection.add_dialog()
-        TextDialog("unit", ASKED, self._decide_on_unit, example=EXAMPLE, field="Reason")
+        TextDialog("unit", tr(ASKED), self._decide_on_unit, example=tr(EXAMPLE), field=tr("Reason"))
 
     def panels(self) -> None:
         """Add the panels of this page."""
@@ -159,15 +169,17 @@ class DiagnosisPage(Frame):
             if name in CHARTS:
                 self._strips(name, CHARTS[name], key)
                 continue
-            with section(name, panels[name].css, key, panels[name].title):
+            with section(name, panels[name].css, key, tr(panels[name].title)):
+                if name == "episodes":
+                    AlarmFilter()
                 self._bodies[name] = PanelBody()
                 self._bodies[name].on("act", self._act)
 
     def _strips(self, kind: str, title: str, key: str) -> None:
-        with section(kind, "", key, title):
+        with section(kind, "", key, tr(title)):
             ui.html(str(controls(kind)), sanitize=False)
             self._charts.append(Chart(kind, Strips()))
-            ui.html(NOTES[kind], sanitize=False, tag="p").classes("note")
+            ui.html(str(joined(note(kind))), sanitize=False, tag="p").classes("note")
 
     # -- updates
 
@@ -205,6 +217,9 @@ class DiagnosisPage(Frame):
 
     def _act(self, event: Any) -> None:
         act, _, name = str(event.args).partition(" ")
+        if act == "acks":
+            self._acknowledge_all(name.split("\n")[:MOST_ALARMS])
+            return
         alarm = self._alarm(name)
         if alarm is None:
             return
@@ -212,10 +227,10 @@ class DiagnosisPage(Frame):
             self._acknowledge(alarm)
         elif act == "undo" and alarm.undoable:
             self._desk.withdraw(alarm.key)
-            self.tell("The acknowledgement is withdrawn.")
+            self.tell(tr("The acknowledgement is withdrawn."))
         elif act == "unshelve":
             self._desk.shelve(alarm.key, 0, "")
-            self.tell("It rings again.")
+            self.tell(tr("It rings again."))
 
     def _alarm(self, name: str) -> Alarm | None:
         return next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
@@ -225,38 +240,44 @@ class DiagnosisPage(Frame):
         if standing:
             self._acknowledge(standing[-1])
         else:
-            ui.notify("No episode to acknowledge.")
+            ui.notify(tr("No episode to acknowledge."))
 
     def _acknowledge(self, alarm: Alarm) -> None:
         self._desk.acknowledge(alarm.key)
-        self.tell("Acknowledged.")
+        self.tell(tr("Acknowledged."))
+
+    def _acknowledge_all(self, names: Sequence[str]) -> None:
+        """Acknowledge the alarms of a list, as a person has seen it."""
+        found = [alarm for name in names if (alarm := self._alarm(name)) and alarm.standing]
+        self._desk.acknowledge_all([alarm.key for alarm in found])
+        self.tell(tr("{count} acknowledged.", count=len(found)))
 
     def _comment(self, said: Said) -> None:
         alarm = self._alarm(said.alarm)
         if alarm is None:
-            self.tell("Not saved: there is no such episode any more.")
+            self.tell(tr("Not saved: there is no such episode any more."))
             return
         self._desk.comment(alarm.key, said.text)
-        self.tell("Saved.")
+        self.tell(tr("Saved."))
 
     def _shelve(self, said: Said) -> None:
         alarm = self._alarm(said.alarm)
         if alarm is not None and said.choice in dict(SHELVED_FOR):
             self._desk.shelve(alarm.key, int(said.choice), said.text)
-            self.tell("Shelved.")
+            self.tell(tr("Shelved."))
 
     def _set_service(self, said: Said) -> None:
         self._desk.set_service(said.choice == OUT_NOW, said.text)
-        self.tell("Saved.")
+        self.tell(tr("Saved."))
 
     def _decide_on_unit(self, said: Said) -> None:
         if unit_in_question(self._desk.state) is not None:
             self._desk.decide_on_unit(said.text)
-            self.tell("Saved.")
+            self.tell(tr("Saved."))
 
     def _hold_moment(self, _: str) -> None:
         self._moment_ns = self._desk.moment_ns()
 
     def _mark(self, said: Said) -> None:
         self._desk.mark(said.text, self._moment_ns)
-        self.tell("Saved.")
+        self.tell(tr("Saved."))

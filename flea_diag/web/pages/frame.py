@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 
 from nicegui import Client, ui
 
 from flea_diag.errors import visible
+from flea_diag.operator.words import later, tr
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.elements import STATIC, PanelBody, Watch
 
-KEYS = (("d", "switch between light and dark"), ("?", "show this list"))
+KEYS = (("d", later("switch between light and dark")), ("?", later("show this list")))
 """Keys of every page; those of its own come before them."""
+
+WATCHED = {
+    "lost": later("✕ DISCONNECTED since {at} UTC: the content below is outdated. Reconnecting …"),
+    "ringing": later("{count} not acknowledged"),
+    "behind": later(
+        "The clock of this browser is {minutes} min behind: all times shown are of the stand."
+    ),
+    "ahead": later(
+        "The clock of this browser is {minutes} min ahead: all times shown are of the stand."
+    ),
+}
+"""What the browser says by itself."""
 
 
 class Frame:
@@ -30,6 +44,9 @@ class Frame:
         Called after what a person has done, to draw at once.
     """
 
+    title_tag = "div"
+    """A page has one heading of the first order: its verdict, or else its name."""
+
     def __init__(
         self,
         client: Client,
@@ -41,16 +58,17 @@ class Frame:
         ui.add_css(STATIC / "uplot" / "uPlot.css")
         ui.add_css(STATIC / "flea.css")
         with ui.element("header").classes("bar-top flea"):
-            ui.html(title, sanitize=False, tag="div").classes("name")
+            ui.html(title, sanitize=False, tag=self.title_tag).classes("name")
             self.chips = PanelBody()
             with ui.element("div").classes("actions"):
                 self.actions()
-                button("More", more="").classes("opener").props("aria-expanded=false")
+                button(tr("More"), more="").classes("opener").props("aria-expanded=false")
                 with ui.element("div").classes("rest"):
                     self.more()
-                    button("Light / dark", "d", turn="")
-                    button("Keys", "?", opens="keys")
+                    button(tr("Light / dark"), "d", turn="")
+                    button(tr("Keys"), "?", opens="keys")
         self._watch = Watch()
+        self._watch.props["words"] = {name: tr(words) for name, words in WATCHED.items()}
         with ui.element("div").classes("flea sheet"):
             self.panels()
         self._list_of_keys((*keys, *KEYS))
@@ -65,8 +83,11 @@ class Frame:
         """Add the panels of this page."""
 
     def beat(self, ringing: int, spoken: str) -> None:
-        """Tell the browser that the server lives, how many alarms ring, and what to read aloud."""
-        self._watch.run_method("beat", ringing, spoken)
+        """Tell the browser that the server lives, how many alarms ring, what to read aloud.
+
+        The time goes with it: a browser with another clock says so.
+        """
+        self._watch.run_method("beat", ringing, spoken, round(time.time() * 1000.0))
 
     def tell(self, words: str) -> None:
         """Say what was done, or why it was not."""
@@ -79,10 +100,10 @@ class Frame:
         return ""
 
     def _list_of_keys(self, keys: Sequence[tuple[str, str]]) -> None:
-        rows = (joined(tag("dt", tag("kbd", key)), tag("dd", words)) for key, words in keys)
-        close = Markup('<button type="submit">{}</button>').format("Close")
-        content = tag("form", tag("h2", "Keys"), tag("dl", *rows, class_="keys"), close)
+        rows = (joined(tag("dt", tag("kbd", key)), tag("dd", tr(words))) for key, words in keys)
+        close = Markup('<button type="submit">{}</button>').format(tr("Close"))
+        content = tag("form", tag("h2", tr("Keys")), tag("dl", *rows, class_="keys"), close)
         with ui.element("dialog").classes("flea") as element:
             element.props["data-name"] = "keys"
-            element.props["aria-label"] = "Keys"
+            element.props["aria-label"] = tr("Keys")
             ui.html(str(content).replace("<form>", '<form method="dialog">', 1), sanitize=False)

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from nicegui import Client, ui
 
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.alarm_view import key_text
-from flea_diag.operator.hall_view import all_alarms
+from flea_diag.operator.hall_view import MOST_EPISODES, all_alarms
+from flea_diag.operator.words import later, tr
 from flea_diag.web.hall_panels import HallView
+from flea_diag.web.pages.alarm_filter import AlarmFilter
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.diagnosis_page import SHELVED_FOR, OperatorNode
 from flea_diag.web.pages.elements import PanelBody, section
 from flea_diag.web.pages.frame import Frame
+from flea_diag.web.pages.report import report_link
 from flea_diag.web.pages.text_dialog import Said, TextDialog
 
 KEYS = (
-    ("a", "acknowledge the latest episode of all stands"),
-    ("1 … 9", "open one of the first stands in the list"),
-    ("↑ ↓ Enter", "select a stand and open it"),
-    ("s, j", "go to the stands, to the alarms"),
+    ("a", later("acknowledge the latest episode of all stands")),
+    ("1 … 9", later("open one of the first stands in the list")),
+    ("↑ ↓ Enter", later("select a stand and open it")),
+    ("s, j", later("go to the stands, to the alarms")),
+    ("f", later("filter the episodes")),
 )
 
 
@@ -40,6 +44,8 @@ class HallPage(Frame):
         The browser.
     """
 
+    title_tag = "h1"
+
     def __init__(
         self,
         desks: Callable[[], Mapping[str, OperatorNode]],
@@ -54,20 +60,30 @@ class HallPage(Frame):
 
     def actions(self) -> None:
         """Add the buttons of this page to the bar."""
-        button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
+        button(tr("Acknowledge"), "a", self._acknowledge_latest).classes("primary")
+
+    def more(self) -> None:
+        """Add the buttons that a narrow bar keeps in a menu."""
+        report_link()
 
     def panels(self) -> None:
         """Add the panels of this page."""
         TextDialog(
-            "shelve", "Shelve this alarm", self._shelve, field="Reason", choices=SHELVED_FOR,
-            chosen="For", save="Shelve",
+            "shelve", tr("Shelve this alarm"), self._shelve, field=tr("Reason"),
+            example=tr("part ordered"), choices=SHELVED_FOR, chosen=tr("For"), save=tr("Shelve"),
+            about=tr("It does not ring until then, and stays in the list."),
         )  # fmt: skip
-        TextDialog("comment", "Comment on the episode", self._comment, field="Comment")
+        TextDialog(
+            "comment", tr("Comment on the episode"), self._comment, field=tr("Comment"),
+            example=tr("finding, action taken"),
+        )  # fmt: skip
         for name, key, title in (
-            ("stands", "s", "Stands, the worst first"),
-            ("journal", "j", "Alarms of all stands"),
+            ("stands", "s", tr("Stands, the worst first")),
+            ("journal", "j", tr("Alarms of all stands")),
         ):
             with section(name, "scroll", key, title):
+                if name == "journal":
+                    AlarmFilter()
                 self._bodies[name] = PanelBody()
                 self._bodies[name].on("act", self._act)
 
@@ -83,6 +99,9 @@ class HallPage(Frame):
 
     def _act(self, event: Any) -> None:
         act, _, name = str(event.args).partition(" ")
+        if act == "acks":
+            self._acknowledge_all(name.split("\n")[:MOST_EPISODES])
+            return
         desk, alarm = self._alarm(name)
         if desk is not None and alarm is not None and act == "ack":
             self._acknowledge(desk, alarm)
@@ -104,25 +123,33 @@ class HallPage(Frame):
         if found and found[0][1].standing:
             self._acknowledge(desks[found[0][0]], found[0][1])
         else:
-            ui.notify("No episode to acknowledge.")
+            ui.notify(tr("No episode to acknowledge."))
 
     def _acknowledge(self, desk: OperatorNode, alarm: Alarm) -> None:
         self._used = desk
         desk.acknowledge(alarm.key)
-        self.tell("Acknowledged.")
+        self.tell(tr("Acknowledged."))
+
+    def _acknowledge_all(self, names: Sequence[str]) -> None:
+        """Acknowledge the alarms of a list, as a person has seen it."""
+        found = [(desk, alarm) for desk, alarm in map(self._alarm, names) if desk and alarm]
+        for desk in dict.fromkeys(desk for desk, _ in found):
+            self._used = desk
+            desk.acknowledge_all([a.key for own, a in found if own is desk and a.standing])
+        self.tell(tr("{count} acknowledged.", count=len(found)))
 
     def _comment(self, said: Said) -> None:
         desk, alarm = self._alarm(said.alarm)
         if desk is None or alarm is None:
-            self.tell("Not saved: there is no such episode any more.")
+            self.tell(tr("Not saved: there is no such episode any more."))
             return
         self._used = desk
         desk.comment(alarm.key, said.text)
-        self.tell("Saved.")
+        self.tell(tr("Saved."))
 
     def _shelve(self, said: Said) -> None:
         desk, alarm = self._alarm(said.alarm)
         if desk is not None and alarm is not None and said.choice in dict(SHELVED_FOR):
             self._used = desk
             desk.shelve(alarm.key, int(said.choice), said.text)
-            self.tell("Shelved.")
+            self.tell(tr("Shelved."))

@@ -10,11 +10,12 @@ from nicegui import ui
 
 from flea_diag.errors import visible
 from flea_diag.operator.fault_entry import FaultEntry
+from flea_diag.operator.words import later, tr
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.text_dialog import Said, TextDialog
 
-WORDS = "Inject a fault into the simulated stand"
-EXAMPLE = "jam, or with a size jam:0.5"
+WORDS = later("Inject a fault into the simulated stand")
+EXAMPLE = later("jam, or with a size jam:0.5")
 
 
 class FaultEntryHolder(Protocol):
@@ -29,15 +30,20 @@ class InjectionDialog:
     def __init__(self, stand: FaultEntryHolder) -> None:
         self._stand = stand
         self._answers: SimpleQueue[tuple[str, str]] = SimpleQueue()
-        self._button = button("Inject", "i", opens="inject")
+        self._button = button(tr("Inject"), "i", opens="inject")
         self._button.set_visibility(False)
 
     def add_dialog(self) -> None:
         """Add the dialog, outside of any menu: what is not shown cannot show it."""
         with TextDialog(
-            "inject", WORDS, self._put_in, field="Fault", example=EXAMPLE, save="Inject"
+            "inject",
+            tr(WORDS),
+            self._put_in,
+            field=tr("Fault"),
+            example=tr(EXAMPLE),
+            save=tr("Inject"),
         ):
-            button("Clear all faults", "", partial(self._ask, ""), shuts="")
+            button(tr("Clear all faults"), "", partial(self._ask, ""), shuts="")
 
     def offer(self) -> None:
         """Show the button while a stand accepts faults, and the answers of the stand."""
@@ -45,9 +51,11 @@ class InjectionDialog:
             self._button.set_visibility(self._stand.faults.present)
         while not self._answers.empty():
             fault, why_not = self._answers.get()
-            done = f"The stand accepted {fault}." if fault else "The stand cleared all faults."
+            done = tr("The stand cleared all faults.")
+            if fault:
+                done = tr("The stand accepted {fault}.", fault=fault)
             ui.notify(
-                visible(f"Not injected: {why_not}" if why_not else done),
+                visible(tr("Not injected: {why}", why=why_not) if why_not else done),
                 type="negative" if why_not else None,
             )
 

@@ -8,8 +8,9 @@ from typing import Protocol, TypeVar
 from nicegui import Client
 
 from flea_diag.operator.action_view import spoken
-from flea_diag.operator.hall_view import ringing
-from flea_diag.web.hall_panels import HallView, unacknowledged
+from flea_diag.operator.words import tr
+from flea_diag.web.answer import unacknowledged
+from flea_diag.web.hall_panels import HallView
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.pages.diagnosis_page import DiagnosisPage, OperatorNode
 from flea_diag.web.pages.hall_page import HallPage
@@ -19,7 +20,6 @@ from flea_diag.wire.records import AmbiguityGroup, Detection, Hypotheses, Record
 
 MOST_MARKS = 8
 """Largest number of events of a kind in strip charts."""
-BACK = Markup('<a href="/" class="back" data-key="Escape">All stands<kbd>Esc</kbd></a>')
 
 
 Sheet = TypeVar("Sheet", DiagnosisPage, HallPage)
@@ -50,6 +50,8 @@ class StandRoom:
         Called when the pages are to be drawn at once; callable from any thread.
     elsewhere
         Number of alarms that ring on other stands; None where there are none.
+    name
+        Name in the list of all stands; empty where there is none.
     """
 
     def __init__(
@@ -59,8 +61,10 @@ class StandRoom:
         title: str,
         wake: Callable[[], None],
         elsewhere: Callable[[], int] | None = None,
+        name: str = "",
     ) -> None:
         self._desk, self._title, self._wake, self._elsewhere = desk, title, wake, elsewhere
+        self._name = name
         self._view, self._strips = View(tools), StripCharts()
         self.pages: dict[str, DiagnosisPage] = {}
         if desk.state.channels is not None:
@@ -76,8 +80,7 @@ class StandRoom:
     def enter(self, client: Client) -> None:
         """Make the page of a browser."""
         self._draw()
-        listed = self._elsewhere is not None
-        page = DiagnosisPage(self._desk, self._title, self._wake, client, listed)
+        page = DiagnosisPage(self._desk, self._title, self._wake, client, self._name)
         page.fill(self._view)
         self.pages[client.id] = page
 
@@ -97,7 +100,7 @@ class StandRoom:
         )
         for page in _connected(self.pages):
             with page.client:
-                page.beat(ringing(state) + elsewhere, spoken(state, self._desk.now_ns()))
+                page.beat(state.ringing + elsewhere, spoken(state, self._desk.now_ns()))
                 page.show(self._view, self._strips, marks)
 
     def _draw(self) -> int:
@@ -105,7 +108,7 @@ class StandRoom:
         self._view.update(self._desk.state, self._desk.now_ns())
         elsewhere = self._elsewhere() if self._elsewhere is not None else 0
         if elsewhere:
-            told = unacknowledged(elsewhere, " on other stands")
+            told = unacknowledged(elsewhere, tr(" on other stands"))
             self._view.drawn["chips"] += str(tag("div", *told, class_="chips"))
         return elsewhere
 
@@ -165,9 +168,9 @@ class HallRoom:
         if desk is None:
             return False
         if name not in self._rooms:
-            title = joined(BACK, f"flea_diag · {name}")
+            title = joined(_back(), f"flea_diag · {name}")
             self._rooms[name] = StandRoom(
-                desk, self._tools_of(name), title, self._wake, lambda: self._ringing(but=name)
+                desk, self._tools_of(name), title, self._wake, lambda: self._ringing(but=name), name
             )
         if not self._rooms[name].pages:
             self._hall.open(name)
@@ -193,7 +196,8 @@ class HallRoom:
         rings = self._ringing()
         for page in _connected(self._pages):
             with page.client:
-                page.beat(rings, f"{rings} alarms not acknowledged" if rings else "")
+                said = tr("{count} alarms not acknowledged", count=rings) if rings else ""
+                page.beat(rings, said)
                 page.fill(self._view)
 
     def _draw(self) -> None:
@@ -202,7 +206,13 @@ class HallRoom:
 
     def _ringing(self, but: str = "") -> int:
         """Number of alarms that ring, on all stands but one."""
-        return sum(ringing(desk.state) for name, desk in self._hall.desks.items() if name != but)
+        return sum(desk.state.ringing for name, desk in self._hall.desks.items() if name != but)
+
+
+def _back() -> Markup:
+    """Link from the page of a stand to the list."""
+    key = tag("kbd", "Esc")
+    return tag("a", tr("All stands"), key, href="/", class_="back", data_key="Escape")
 
 
 def _connected(pages: Mapping[str, Sheet]) -> Iterator[Sheet]:

@@ -12,20 +12,19 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import RedirectResponse, Response
 from nicegui import Client, app, ui
 
-from flea_diag.operator.shift_report import shift_report
 from flea_diag.web.guard import STAND_PATH
 from flea_diag.web.markup import joined
 from flea_diag.web.pages.diagnosis_page import OperatorNode
+from flea_diag.web.pages.report import serve_report
 from flea_diag.web.pages.rooms import HallRoom, Room, StandRoom, Stands
 from flea_diag.web.view import Tools
 
 PERIOD_S = 0.1
 CONNECT_S = 15.0
 """Time within which a browser that has loaded the page must connect, or reload it."""
-REPORT_PATH = "/report"
 MOST_KINDS = 10
 """Kinds of error that are reported."""
 
@@ -58,14 +57,17 @@ class Site:
         def page(client: Client) -> None:
             room.enter(client)
 
-        def report() -> HTMLResponse:
-            return HTMLResponse(shift_report(desk.state, title, time.time_ns(), facts))
-
         ui.page("/", title=title)(page)
-        app.add_api_route(REPORT_PATH, report)
+        serve_report(lambda: {title: desk.state}, title, facts)
 
-    def serve_hall(self, hall: Stands, tools_of: Callable[[str], Tools], title: str) -> None:
-        """Serve the list of all stands, and the page of each."""
+    def serve_hall(
+        self,
+        hall: Stands,
+        tools_of: Callable[[str], Tools],
+        title: str,
+        facts: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        """Serve the list of all stands, the page of each, and the reports of their shifts."""
         room = self._room = HallRoom(hall, tools_of, joined(title), self.wake)
 
         def page(client: Client) -> None:
@@ -77,6 +79,7 @@ class Site:
 
         ui.page("/", title=title)(page)
         ui.page(STAND_PATH + "{name:path}")(stand_page)
+        serve_report(lambda: {name: desk.state for name, desk in hall.desks.items()}, title, facts)
 
     def wake(self) -> None:
         """Draw now; callable from any thread."""

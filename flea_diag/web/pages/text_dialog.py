@@ -8,8 +8,10 @@ from typing import Any
 
 from nicegui import ui
 
+from flea_diag.operator.words import later, tr
 from flea_diag.web.pages.elements import STATIC
 
+LOST = later("Not saved: the page is disconnected. Keep this open, and save again.")
 LONGEST = 2000
 """Characters that are taken of a text."""
 
@@ -44,13 +46,13 @@ class TextDialog(ui.element, component=STATIC / "question.js"):
         words: str,
         done: Callable[[Said], None],
         *,
-        field: str = "Text",
+        field: str,
         preset: str = "",
         example: str = "",
         about: str = "",
         choices: Sequence[tuple[str, str]] = (),
         chosen: str = "",
-        save: str = "Save",
+        save: str = "",
         opened: Callable[[str], None] | None = None,
     ) -> None:
         super().__init__()
@@ -61,12 +63,12 @@ class TextDialog(ui.element, component=STATIC / "question.js"):
             "preset": preset,
             "example": example,
             "about": about,
-            "choices": [list(choice) for choice in choices],
+            "choices": [[code, tr(words)] for code, words in choices],
             "chosen": chosen,
-            "save_label": save,
-            "cancel_label": "Cancel",
-            "empty_label": "Enter a text first.",
-            "lost_label": "Not saved: the page is disconnected. Keep this open, and save again.",
+            "save_label": save or tr("Save"),
+            "cancel_label": tr("Cancel"),
+            "empty_label": tr("Enter a text first."),
+            "lost_label": tr(LOST),
         }
         for key, value in given.items():
             self.props[key] = value

@@ -27,6 +27,7 @@ export default {
       const button = event.target.closest("[data-act]");
       if (button) this.$emit("act", `${button.dataset.act} ${button.dataset.alarm}`);
     });
+    this.$el.addEventListener("flea-act", (event) => this.$emit("act", event.detail));
     // A button that were drawn anew between press and release would not be clicked.
     this.$el.addEventListener("pointerdown", () => { this.pressed = true; });
     this.released = () => { if (this.pressed) setTimeout(() => { this.pressed = false; this.show(); }); };

@@ -54,7 +54,7 @@ class Chart {
     this.root.querySelector("b").textContent = this.root.querySelector("b").title = about.name;
     this.output = this.root.querySelector("output");
     this.place = this.root.querySelector(".plot");
-    this.place.setAttribute("aria-label", `strip chart of ${about.name}`);
+    this.place.setAttribute("aria-label", block.words.of.replace("{name}", about.name));
     this.places = [this.low, this.high, this.estimate, this.sigma, this.limit].filter((k) => k !== undefined);
     host.append(this.root);
   }
@@ -128,7 +128,7 @@ class Chart {
     const value = Math.abs(low) > Math.abs(high) ? low : high, over = Math.abs(value) > limit;
     const shown = this.unit === "σ" ? Number(value.toFixed(2)) + 0 : short(value);
     const when = under === null || x[k] === undefined ? "" : `${new Date(x[k] * 1000).toISOString().slice(11, 21)} `;
-    const words = when + (value === value ? `${over ? "▲ " : ""}${shown} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
+    const words = when + (value === value ? `${over ? "▲ " : ""}${shown} ${this.unit}` : this.block.words.none) + (limit === limit ? ` / ${this.block.words.limit} ${short(limit)}` : "");
     if (this.output.textContent !== words) { this.output.textContent = words; this.root.classList.toggle("over", over); }
   }
   // A chart that has lately passed its limit comes first, also one that was not in view.
@@ -195,7 +195,8 @@ export default {
   unmounted() { clearInterval(this.timer); this.watch.disconnect(); flea.blocks.delete(this); this.charts.forEach((c) => c.u?.destroy()); },
   methods: {
     // Charts of these columns with what was before; what was drawn until now is another run's.
-    describe(charts, columns, stretch, past) {
+    describe(charts, columns, stretch, past, words) {
+      this.words = words;
       this.watch.disconnect();
       this.charts.forEach((chart) => chart.u?.destroy());
       this.$el.replaceChildren();

@@ -1,6 +1,6 @@
 // Says when the server is gone, rings while an alarm stands, and passes keys to the buttons that
 // carry their letter.
-const LOST_MS = 2000, RING_MS = 5000, TONES = [880, 660], STEPS = { ArrowUp: -1, ArrowDown: 1 };
+const LOST_MS = 2000, RING_MS = 5000, OTHER_CLOCK_MS = 60000, TONES = [880, 660], STEPS = { ArrowUp: -1, ArrowDown: 1 };
 
 // Two tones. A browser lets a page sound only after somebody has touched it; until then it is mute.
 const bell = {
@@ -24,6 +24,8 @@ const bell = {
   wake() { if (navigator.userActivation?.hasBeenActive ?? true) this.context.resume().catch(() => {}); },
 };
 window.fleaBell = bell;
+
+const said = (words, values) => words.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
 const THEME = "flea-theme";
 // A browser may refuse to store anything.
@@ -56,13 +58,14 @@ function hidden(element) {
 }
 
 export default {
-  template: "<div><div class='lost-banner' role='alert'></div><div class='unseen' role='status' aria-live='polite'></div></div>",
+  template: "<div><div class='lost-banner' role='alert'></div><p class='other-clock' hidden></p><div class='unseen' role='status' aria-live='polite'></div></div>",
+  props: { words: Object },
   mounted() {
-    this.title = document.title; this.ringing = 0; this.rang = 0;
+    this.title = document.title; this.ringing = 0; this.rang = 0; this.skew = 0;
     this.beat(0);
     this.timer = setInterval(() => {
       const lost = Date.now() - this.last > LOST_MS;
-      if (lost) this.$el.firstChild.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: the content below is outdated. Reconnecting …`;
+      if (lost) this.$el.firstChild.textContent = said(this.words.lost, { at: new Date(this.last + this.skew).toISOString().slice(11, 19) });
       document.body.classList.toggle("lost", lost);
       if (this.ringing && Date.now() - this.rang >= RING_MS) this.rang = bell.ring() ? Date.now() : 0;
       document.body.classList.toggle("muted", this.ringing > 0 && bell.context?.state !== "running");
@@ -107,15 +110,25 @@ export default {
       stands[at < 0 ? 0 : Math.min(Math.max(at + by, 0), stands.length - 1)].focus();
       return true;
     },
-    // The server lives, so many alarms wait to be acknowledged, and this is to be read aloud.
-    beat(ringing, said) {
+    // A browser with another clock would be misread where its own times stand beside the stand's.
+    clocks(skew) {
+      this.skew = skew;
+      const minutes = Math.round(Math.abs(skew) / 60000), note = this.$el.querySelector(".other-clock");
+      note.hidden = Math.abs(skew) < OTHER_CLOCK_MS;
+      const words = note.hidden ? "" : said(skew > 0 ? this.words.behind : this.words.ahead, { minutes });
+      if (note.textContent !== words) note.textContent = words;
+    },
+    // The server lives, so many alarms wait to be acknowledged, this is to be read aloud, and so
+    // late it is where the server is.
+    beat(ringing, aloud, server_ms) {
       this.last = Date.now();
       const spoken = this.$el.lastChild;
-      if (said !== undefined && spoken.textContent !== said) spoken.textContent = said;
+      if (aloud !== undefined && spoken.textContent !== aloud) spoken.textContent = aloud;
+      if (server_ms !== undefined) this.clocks(server_ms - this.last);
       if (ringing === this.ringing) return;
       if (ringing > this.ringing) this.rang = 0;
       this.ringing = ringing;
-      document.title = ringing ? `▲ ${ringing} not acknowledged · ${this.title}` : this.title;
+      document.title = ringing ? `▲ ${said(this.words.ringing, { count: ringing })} · ${this.title}` : this.title;
       document.body.classList.toggle("ringing", ringing > 0);
     },
   },
