@@ -8,8 +8,8 @@ from string import Formatter
 from flea_diag.configuration.files import config_folders, config_path, is_bare, load_yaml
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
-from flea_diag.operator.words import ENGLISH, speak
 
+ENGLISH = "en"
 FOLDER = "languages"
 SUFFIX = ".yaml"
 KIND = "language"
@@ -23,19 +23,14 @@ def languages() -> tuple[str, ...]:
     return (ENGLISH, *sorted(found))
 
 
-def speak_language(name: str) -> None:
-    """Have all screens of this process speak a language: the code of a shipped one, or a file.
+def catalogue(name: str) -> tuple[str, dict[str, str]]:
+    """Code and texts, by their English, of a language: of a shipped one by its code, or of a file.
 
     Raises
     ------
     ConfigurationError
         There is none of this name, or the file is no catalogue of texts.
     """
-    speak(*catalogue(name))
-
-
-def catalogue(name: str) -> tuple[str, dict[str, str]]:
-    """Code of a language, and its texts by their English."""
     if name == ENGLISH:
         return ENGLISH, {}
     if is_bare(name) and name not in languages():

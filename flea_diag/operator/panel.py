@@ -5,7 +5,6 @@ Independent of the output: terminal, pipe and page render the same panels.
 
 from __future__ import annotations
 
-import datetime
 import math
 from dataclasses import dataclass
 
@@ -14,7 +13,9 @@ from flea_diag.wire.records import NEVER_NS, Level
 BAR_CELLS = 14
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 NS = 1_000_000_000
-EPOCH = datetime.date(1970, 1, 1).toordinal()
+DAYS = 719_468
+"""From 1 March of the year 0 to 1970; a year that begins in March ends with its leap day."""
+DAYS_400_YEARS = 146_097
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +53,16 @@ def clock(stamp_ns: int) -> str:
 
 
 def date(stamp_ns: int) -> str:
-    """Day in UTC; empty for none."""
+    """Day in UTC, without a clock's library (Hinnant, days from civil); empty for none."""
     if stamp_ns == NEVER_NS:
         return ""
-    return datetime.date.fromordinal(EPOCH + stamp_ns // NS // 86400).isoformat()
+    era, day = divmod(stamp_ns // NS // 86400 + DAYS, DAYS_400_YEARS)
+    of_era = (day - day // 1460 + day // 36524 - day // 146096) // 365
+    of_year = day - (365 * of_era + of_era // 4 - of_era // 100)
+    march = (5 * of_year + 2) // 153
+    month = march + 3 if march < 10 else march - 9
+    year = 400 * era + of_era + (month <= 2)
+    return f"{year:04d}-{month:02d}-{of_year - (153 * march + 2) // 5 + 1:02d}"
 
 
 def share(probability: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flea_diag.operator.alarm_rate import most_in_a_window, rate_text
+from flea_diag.operator.alarm_rate import SHIFT_NS, floods, most_in_a_window, of_shift, rate_text
 
 MINUTE = 60 * 10**9
 
@@ -17,3 +17,23 @@ def test_more_than_ten_are_a_flood() -> None:
     assert rate_text([MINUTE] * 10) == "at most 10 alarms within 10 min"
     assert rate_text([MINUTE] * 11).endswith("11 alarms within 10 min: a flood, above 10")
     assert "500 alarms" in rate_text(range(0, MINUTE, MINUTE // 500))
+
+
+def test_a_flood_lasts_until_there_are_fewer_than_five_in_ten_minutes() -> None:
+    """EEMUA 191: begins above ten within ten minutes, ends below five; two floods, one shift."""
+    first = [MINUTE + k for k in range(12)]
+    rest = [MINUTE * 9 + k for k in range(3)]
+    lone = [MINUTE * 40, MINUTE * 41]
+    second = [MINUTE * 100 + k * MINUTE // 10 for k in range(20)]
+    found = floods([*second, *lone, *rest, *first])
+    assert [(f.since_ns, f.until_ns, f.count) for f in found] == [
+        (first[0], rest[-1], 15),
+        (second[0], second[-1], 20),
+    ]
+    assert floods([MINUTE * k for k in range(100)]) == ()
+    told = rate_text([*first, *rest, *lone, *second])
+    assert told == "at most 20 alarms within 10 min: 2 floods, above 10, together 10 min"
+
+
+def test_a_shift_is_what_came_in_its_hours() -> None:
+    assert of_shift([1, SHIFT_NS, SHIFT_NS + 2, 3], SHIFT_NS + 2) == (3, SHIFT_NS, SHIFT_NS + 2)

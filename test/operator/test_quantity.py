@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 
 import pytest
 
+from flea_diag.operator.panel import date
 from flea_diag.operator.quantity import number, statistic
+from flea_diag.wire.records import NEVER_NS
 
 
 @pytest.mark.parametrize(
@@ -43,3 +46,11 @@ def test_a_number_has_the_digits_that_it_is_known_to(
 )
 def test_a_statistic_is_what_it_counts(name: str, z: float, limit: float, text: str) -> None:
     assert statistic(name, z, limit) == text
+
+
+def test_the_day_is_that_of_the_calendar() -> None:
+    days = [0, 58, 59, 364, 365, 789, 790, 11016, 11017, 19675, 19782, 20000, 47541]
+    for day in (*days, *range(0, 40_000, 37)):
+        known = (datetime.date(1970, 1, 1) + datetime.timedelta(days=day)).isoformat()
+        assert date(day * 86400 * 10**9 + 5) == known
+    assert date(NEVER_NS) == ""

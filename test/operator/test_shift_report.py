@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from support.places import ROOT
 from support.verdicts import FLAG, LAST, NOMINAL, START, shown
 
@@ -14,6 +16,7 @@ from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm_view import cause
 from flea_diag.operator.shift_report import shift_report
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.words import speaking
 from flea_diag.tools.main import main
 from flea_diag.tools.replay.report import shift
 from flea_diag.web.panels import episodes
@@ -82,3 +85,27 @@ def test_the_command_writes_it(tmp_path: Path) -> None:
     text = target.read_text("utf-8")
     assert "ISOLATED: the fault is motor_current_bias" in text
     assert "1, 1 not acknowledged" in text
+
+
+def test_several_recordings_make_one_report(tmp_path: Path) -> None:
+    """Also where they have the same name: then their paths tell them apart."""
+    bag = ROOT / "bags" / "live_motor_current_bias"
+    target, other = tmp_path / "shift.html", tmp_path / bag.name
+    shutil.copytree(bag, other)
+    assert main(["report", str(bag), str(other), "-o", str(target)]) == 0
+    text = target.read_text("utf-8")
+    assert "2, 2 not acknowledged" in text
+    assert text.count(f"<td>{other}</td>") == 2  # as a stand, and before its alarm
+
+
+def test_the_command_speaks_german(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "shift.html"
+    bag = str(ROOT / "bags" / "live_motor_current_bias")
+    with speaking("en", {}):
+        assert main(["report", bag, "-o", str(target), "--language", "de"]) == 0
+        assert main(["report", bag, "-o", str(target), "--language", "xx"]) != 0
+    text = target.read_text("utf-8")
+    assert 'lang="de"' in text
+    assert "Schichtbericht" in text
+    assert "Der Fehler ist motor_current_bias." in text
+    assert "en, de" in capsys.readouterr().err

@@ -24,7 +24,7 @@ from flea_diag.nodes.operator.alarm_row import (
 )
 from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.operator.alarm import REPLAY, Alarm, AlarmAction, Comment, Key, bounded
+from flea_diag.operator.alarm import REPLAY, Alarm, AlarmAction, Comment, Key
 from flea_diag.operator.state import MOST_TIMES
 from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
@@ -252,21 +252,23 @@ class AlarmJournal:
             (*row, *row),
         )
 
-    def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
+    def alarms(self, most: int = 100, also: Sequence[int] = ()) -> tuple[Alarm, ...]:
         """Alarms with their acknowledgements and comments, oldest first.
 
         Those that nobody has acknowledged come before the others: the first of them and the latest.
+        ``also`` are stamps of detections that are to be among them.
         """
         asked = (LONGEST_RECORD, self._stand)
         rows = self._rows(
             f"SELECT * FROM ({ALARM} ORDER BY {WAITS} DESC, detected_ns DESC LIMIT ?) UNION "
-            f"SELECT * FROM ({ALARM} AND {WAITS} ORDER BY detected_ns LIMIT 1) ORDER BY 2",
-            (*asked, most, *asked),
+            f"SELECT * FROM ({ALARM} AND {WAITS} ORDER BY detected_ns LIMIT 1) UNION "
+            f"{ALARM} AND detected_ns IN ({', '.join('?' * len(also))}) ORDER BY 2",
+            (*asked, most, *asked, *asked, *also),
         )
         read = [alarm for row in rows for alarm in self._read(row[:2], alarm_of, *row)]
         return tuple(
             replace(alarm, comments=self._comments(alarm.key), actions=self._actions(alarm.key))
-            for alarm in bounded(read, most)
+            for alarm in read
         )
 
     def times(self, most: int = MOST_TIMES) -> tuple[int, ...]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TextIO
 
-from flea_diag.configuration.languages import speak_language
+from flea_diag.configuration.languages import catalogue
 from flea_diag.errors import ConfigurationError, visible
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
@@ -21,6 +21,7 @@ from flea_diag.operator.panel import Panel
 from flea_diag.operator.state import SHOWN
 from flea_diag.operator.verdict_view import change, line
 from flea_diag.operator.view import page, view
+from flea_diag.operator.words import speak
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import AmbiguityGroup, Level, Record
@@ -148,7 +149,7 @@ class Screen:
 def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | Screen:
     """Show incoming records on standard output or on the terminal."""
     style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
-    speak_language(parameters.language)
+    speak(*catalogue(parameters.language))
     author = parameters.author or getpass.getuser()
     if parameters.stands:
         return _start_hall(bus, Hall(bus, parameters.stands, parameters.journal, author), style)
@@ -195,7 +196,7 @@ def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
 
 def check(parameters: ConsoleParameters) -> None:
     """Refuse a style that cannot be shown, or a language that there is not."""
-    speak_language(parameters.language)
+    catalogue(parameters.language)
     chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
 
 

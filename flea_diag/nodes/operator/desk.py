@@ -18,7 +18,7 @@ from flea_diag.nodes.operator.alarm_journal import AlarmJournal, default_path
 from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.fault_entry import FaultEntry, NoFaults
 from flea_diag.operator.journal_state import as_of, with_journal, with_losses
-from flea_diag.operator.state import SHOWN, OperatorState, aged, fold
+from flea_diag.operator.state import MOST_ALARMS, SHOWN, OperatorState, aged, fold
 from flea_diag.operator.unit_decision import decision, unit_in_question
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import NEVER_NS, Record, Remark, RemarkKind, Scan
@@ -110,7 +110,7 @@ class Desk:
         journal = self._journal
         self.state = with_journal(
             self.state,
-            journal.alarms(),
+            journal.alarms(MOST_ALARMS, [alarm.detected_ns for alarm in self.state.alarms]),
             journal.marks(),
             journal.service(),
             journal.times(),

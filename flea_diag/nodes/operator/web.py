@@ -10,12 +10,12 @@ from importlib.util import find_spec
 from typing import Any
 
 from flea_diag import __version__
-from flea_diag.configuration.languages import speak_language
+from flea_diag.configuration.languages import catalogue
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
 from flea_diag.operator.state import SHOWN
-from flea_diag.operator.words import tr
+from flea_diag.operator.words import speak, tr
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
 
@@ -76,7 +76,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     from flea_diag.web.server import Server
 
     token = token_of(parameters.address, parameters.token_file)
-    speak_language(parameters.language)
+    speak(*catalogue(parameters.language))
     site = Site(bus.warn)
     title = f"flea_diag · {tr('all stands') if parameters.stands else bus.stand}"
     serve = _serve_hall if parameters.stands else _serve_stand
@@ -143,7 +143,7 @@ def program() -> Program:
         start,
         subscribes=(*SHOWN, *SAID),
         publishes=SAID,
-        check=lambda parameters: speak_language(parameters.language),
+        check=lambda parameters: catalogue(parameters.language),
         examples=(
             "ros2 run flea_diag web                 then open http://127.0.0.1:8630/",
             "ros2 run flea_diag web --ros-args -p address:=0.0.0.0 -p token_file:=page.token",

@@ -44,11 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the report of one shift, recorded on one stand or on several."""
     from flea_diag import __version__
-    from flea_diag.configuration.languages import speak_language
+    from flea_diag.configuration.languages import catalogue
     from flea_diag.operator.shift_report import shift_report
-    from flea_diag.operator.words import tr
+    from flea_diag.operator.words import speak, tr
 
-    speak_language(arguments.language)
+    speak(*catalogue(arguments.language))
     bags: list[Path] = arguments.bags
     target: Path = arguments.output or _target(bags)
     found = {name: at_the_end(bag) for name, bag in zip(_names(bags), bags, strict=True)}

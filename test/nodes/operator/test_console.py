@@ -155,7 +155,7 @@ def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
     async def act(pilot: Any) -> None:
         assert "Inject" in words(pilot)
         await pilot.press("i", *"jam:0.5", "enter")
-        await shown(pilot, "not injected: node daq is not running")
+        await shown(pilot, "Not injected: node daq is not running")
         await pilot.press("i", *"clear", "enter")
         await pilot.pause()
 
