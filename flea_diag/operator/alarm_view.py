@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from flea_diag.operator.alarm import OUT, REPLAY, SHELVED, Alarm, AlarmAction, Key, Member
-from flea_diag.operator.alarm_filter import EVERY, FILTERS
-from flea_diag.operator.alarm_rate import rate_text
 from flea_diag.operator.panel import NS, Line, Panel, clock, share
 from flea_diag.operator.quantity import number, statistic
+from flea_diag.operator.shift.alarm_filter import EVERY, FILTERS
+from flea_diag.operator.shift.alarm_rate import rate_text
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.verdict_view import in_short
 from flea_diag.operator.words import later, tr

@@ -13,7 +13,7 @@ from typing import Any
 
 from flea_diag.operator import alarm as alarms_of
 from flea_diag.operator.alarm import Alarm, AlarmAction, Comment, Key
-from flea_diag.operator.alarm_rate import of_shift
+from flea_diag.operator.shift.alarm_rate import of_shift
 from flea_diag.operator.stream import (
     StreamState,
     counted,

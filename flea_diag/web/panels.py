@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 
 from flea_diag.operator.alarm import SHELVED, Alarm, Key
-from flea_diag.operator.alarm_filter import is_active, matching
 from flea_diag.operator.alarm_view import (
     PRIORITY,
     action_text,
@@ -18,6 +17,7 @@ from flea_diag.operator.alarm_view import (
     tally,
 )
 from flea_diag.operator.quantity import number
+from flea_diag.operator.shift.alarm_filter import is_active, matching
 from flea_diag.operator.stand_view import quality_rows, stream_losses
 from flea_diag.operator.state import AskedFeature, OperatorState
 from flea_diag.operator.stream import AXIS, StreamState

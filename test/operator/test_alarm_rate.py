@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from flea_diag.operator.alarm_rate import SHIFT_NS, floods, most_in_a_window, of_shift, rate_text
+from flea_diag.operator.shift.alarm_rate import (
+    SHIFT_NS,
+    floods,
+    most_in_a_window,
+    of_shift,
+    rate_text,
+)
 
 MINUTE = 60 * 10**9
 

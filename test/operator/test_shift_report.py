@@ -14,7 +14,7 @@ from support.verdicts import FLAG, LAST, NOMINAL, START, shown
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm_view import cause
-from flea_diag.operator.shift_report import shift_report
+from flea_diag.operator.shift.shift_report import shift_report
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.words import speaking
 from flea_diag.tools.main import main

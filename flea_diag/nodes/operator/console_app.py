@@ -18,10 +18,10 @@ from flea_diag.nodes.operator.console_question import Ask
 from flea_diag.nodes.operator.console_text import STYLES, fill, highlighted, in_words, plain, styled
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm
-from flea_diag.operator.alarm_filter import EVERY, FILTERS, after
 from flea_diag.operator.alarm_view import alarms as listed
 from flea_diag.operator.alarm_view import detail, key_text
 from flea_diag.operator.panel import Line, Panel
+from flea_diag.operator.shift.alarm_filter import EVERY, FILTERS, after
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
 from flea_diag.operator.verdict_view import level_of, why
 from flea_diag.operator.view import view

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the report of one shift, recorded on one stand or on several."""
     from flea_diag import __version__
     from flea_diag.configuration.languages import catalogue
-    from flea_diag.operator.shift_report import shift_report
+    from flea_diag.operator.shift.shift_report import shift_report
     from flea_diag.operator.words import speak, tr
 
     speak(*catalogue(arguments.language))

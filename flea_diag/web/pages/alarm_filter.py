@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from flea_diag.operator.alarm_filter import FILTERS
+from flea_diag.operator.shift.alarm_filter import FILTERS
 from flea_diag.operator.words import later, tr
 from flea_diag.web.pages.elements import STATIC
 

@@ -11,7 +11,7 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 from nicegui import app, ui
 
-from flea_diag.operator.shift_report import HOURS, States, of_hours, shift_report
+from flea_diag.operator.shift.shift_report import HOURS, States, of_hours, shift_report
 from flea_diag.operator.words import tr
 from flea_diag.web.markup import tag
 

@@ -13,7 +13,7 @@ from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import bounded
 from flea_diag.operator.alarm_view import first_out, tally
-from flea_diag.operator.shift_report import of_hours, shift_report
+from flea_diag.operator.shift.shift_report import of_hours, shift_report
 from flea_diag.operator.state import MOST_ALARMS
 
 COUNT = 500

@@ -18,7 +18,7 @@ from flea_diag.configuration.languages import catalogue
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.console_app import ConsoleApp
 from flea_diag.nodes.operator.desk import Desk
-from flea_diag.operator.alarm_filter import FILTERS
+from flea_diag.operator.shift.alarm_filter import FILTERS
 from flea_diag.operator.words import speaking
 
 URGENT = replace(LAST, to_do=(("run", "stop"), ("urgency", "now")))

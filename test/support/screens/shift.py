@@ -23,7 +23,7 @@ from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.panel import clock
-from flea_diag.operator.shift_report import shift_report
+from flea_diag.operator.shift.shift_report import shift_report
 from flea_diag.tools.replay.report import shift as replayed
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.blocks import Block
@@ -321,10 +321,17 @@ class Shift:
         self.found.differences += [f"{at} {who}: {row}" for row in different]
 
 
+def _parents() -> Iterator[tuple[int, int]]:
+    """Every process with the one that has started it."""
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text("utf-8", "replace").rpartition(")")[2].split()
+            yield int(path.parent.name), int(fields[1])
+
+
 def descendants(pid: int) -> list[int]:
     """Processes that this one has started, and those that they have."""
-    own = Path(f"/proc/{pid}/task").glob("*/children")
-    children = [int(child) for path in own for child in path.read_text("ascii").split()]
+    children = [child for child, parent in _parents() if parent == pid]
     return [*children, *(each for child in children for each in descendants(child))]
 
 

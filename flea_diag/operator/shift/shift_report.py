@@ -11,9 +11,9 @@ from html import escape
 
 from flea_diag.errors import visible
 from flea_diag.operator.alarm import Alarm
-from flea_diag.operator.alarm_rate import rate_text
 from flea_diag.operator.alarm_view import PRIORITY, action_text, cause, detail, lifetime
 from flea_diag.operator.panel import clock, date
+from flea_diag.operator.shift.alarm_rate import rate_text
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.verdict_view import in_short
 from flea_diag.operator.words import language, later, tr

@@ -1,0 +1,1 @@
+"""What concerns a whole shift: which alarms are shown, how fast they came, the report."""
