@@ -98,13 +98,21 @@ class Shift:
         Its file, which survives every restart.
     count
         Number of faults.
+    first
+        What happens during the first fault: a place in ``MEANWHILE``.
     """
 
     def __init__(
-        self, serve: Callable[[Desk], Served], browser: Browser, journal: Path, count: int
+        self,
+        serve: Callable[[Desk], Served],
+        browser: Browser,
+        journal: Path,
+        count: int,
+        first: int = 0,
     ) -> None:
         self.found = Found()
         self._serve, self._browser, self._journal, self._count = serve, browser, journal, count
+        self._first = first
         values = {
             "motion": {
                 "kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045
@@ -196,10 +204,14 @@ class Shift:
         for k in range(self._count):
             at_s = FIRST_S + EVERY_S * k
             yield at_s, lambda k=k: self._inject(k)  # type: ignore[misc]
-            yield at_s + 0.4 * LASTS_S, self.MEANWHILE[k % len(self.MEANWHILE)].__get__(self)
+            yield at_s + 0.4 * LASTS_S, self._meanwhile(k)
             yield at_s + LASTS_S, self._clear
             yield at_s + LASTS_S + 20.0, lambda k=k: self._act(k)  # type: ignore[misc]
             yield at_s + LASTS_S + QUIET_S, self._end
+
+    def _meanwhile(self, number: int) -> Callable[[], None]:
+        """What happens while an alarm stands."""
+        return self.MEANWHILE[(number + self._first) % len(self.MEANWHILE)].__get__(self)
 
     def _inject(self, number: int) -> None:
         self._diagnose()
@@ -366,7 +378,7 @@ def _cell(text: str) -> Any:
 
 
 @contextmanager
-def shift_of(folder: Path, count: int) -> Iterator[Shift]:
+def shift_of(folder: Path, count: int, first: int = 0) -> Iterator[Shift]:
     """A shift in a folder of its own."""
     from nicegui import Client
     from nicegui.testing.general import nicegui_reset_globals
@@ -394,4 +406,4 @@ def shift_of(folder: Path, count: int) -> Iterator[Shift]:
         return Served(desk, f"http://127.0.0.1:{server.port}/", close)
 
     with chromium() as browser:
-        yield Shift(serve, browser, folder / "alarms.sqlite", count)
+        yield Shift(serve, browser, folder / "alarms.sqlite", count, first)

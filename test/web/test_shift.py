@@ -1,0 +1,27 @@
+"""Ten minutes of a shift: the page is restarted under an alarm, and all accounts of it agree.
+
+The whole one, two hours with twelve faults, is bench/robustness/shift.py.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support import browser as browsers
+
+pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
+
+from support.screens.shift import shift_of
+
+RESTART_PAGE = 1
+
+
+def test_journal_page_report_and_recording_agree_to_the_second(tmp_path: Path) -> None:
+    if browsers.missing():
+        pytest.skip(browsers.missing())
+    with shift_of(tmp_path, 1, RESTART_PAGE) as shift:
+        found = shift.run()
+    assert (found.missed, found.false_alarms, found.differences) == ([], [], [])
+    assert found.alarms >= 1
+    assert len(found.named) == 1
