@@ -25,11 +25,15 @@ Voids = list[tuple[tuple[int, ...], Flags]]
 
 OUT, IN, UNKNOWN = 0, 1, 2
 """States of a mode."""
+HELD = "held still without current"
+"""Mode that no channel tells: it stands under a load that would move it, and no motor holds it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModeRow(Frozen):
     """One mode on one stand: the column of its channel, and what it does to the residuals.
+
+    Of a mode that no channel tells, the column is -1.
 
     ``voids`` are the columns without a value in it, ``only`` those without one elsewhere. A machine
     that ``stands`` is held; the state observer does not follow a machine that is not ``followed``.
@@ -54,15 +58,18 @@ class MachineModes:
         self._lasts = [kernel_length + math.ceil(row.settles_s / period_s) for row in rows]
         self._since = [[most, most] for most in self._lasts]
 
-    def step(self, readings: Array) -> tuple[States, Voids]:
+    def step(self, readings: Array, held: Flags | None = None) -> tuple[States, Voids]:
         """States of n scans, shape (n, modes), and what has no value in them.
 
-        ``readings`` has shape (n, channels). A mode lasts until nothing of it counts any more.
+        ``readings`` has shape (n, channels), ``held``, shape (n,), is where nothing but a lock can
+        hold the machine. A mode lasts until nothing of it counts any more.
         """
+        held = np.zeros(len(readings), dtype=bool) if held is None else held
         states = np.zeros((len(readings), len(self._rows)), dtype=np.int8)
         voids: Voids = []
         for k, row in enumerate(self._rows):
-            now = _state(readings[:, row.channel], row)
+            told = row.channel >= 0
+            now = _state(readings[:, row.channel], row) if told else held.astype(np.int8)
             inside, outside = (self._lasting(k, side, now != side) for side in (OUT, IN))
             states[:, k] = np.where(now == OUT, inside, now)
             columns = ((row.voids, inside), (row.only, outside))
@@ -81,6 +88,16 @@ class MachineModes:
     def interrupt(self) -> None:
         """The next scans follow a gap: smoothing begins anew."""
         self._since = [[most, most] for most in self._lasts]
+
+
+def never_seen(rows: Sequence[ModeRow], recordings: Sequence[Array]) -> list[ModeRow]:
+    """Modes that none of these recordings shows, each of shape (scans, channels)."""
+    told = [row for row in rows if row.channel >= 0]
+    return [
+        row
+        for row in told
+        if not any((_state(each[:, row.channel], row) == IN).any() for each in recordings)
+    ]
 
 
 def _state(values: Array, row: ModeRow) -> States:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.machine_modes import OUT, MachineModes
+from flea_diag.core.machine_modes import HELD, OUT, MachineModes
 from flea_diag.core.residuals.bank_loops import bank_of, layout, winding_of
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
@@ -76,6 +76,9 @@ class ResidualBank:
         self._settling = Settling(rows, period_s, counts.kernel)
         self._modes = MachineModes(rows.modes, period_s, counts.kernel) if rows.modes else None
         self._held = [k for k, row in enumerate(rows.modes) if row.stands]
+        current = rows.current
+        self._current = relations.signals.index(current) if current in relations.signals else -1
+        self._untold = self._current >= 0 and any(row.name == HELD for row in rows.modes)
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
@@ -101,10 +104,27 @@ class ResidualBank:
 
     def _leave_out(self, modes: MachineModes, rows: Array, formed: ResidualRows) -> None:
         """Drop what has no value in a mode; what a brake holds does not stand against a drag."""
-        formed.modes, voids = modes.step(rows)
+        held = self._without_current(formed) if self._untold else None
+        formed.modes, voids = modes.step(rows, held)
         for columns, scans in voids:
             formed.leave_out(scans, list(columns))
         formed.moving[(formed.modes[:, self._held] != OUT).any(axis=1)] = False
+
+    def _without_current(self, formed: ResidualRows) -> Flags:
+        """Where it stands under a push of which the motor's part is no more than dry friction.
+
+        A stalled machine alone has a direction of exactly 1 or -1 below the speed of motion.
+        """
+        speed, way = formed.motion.T
+        stalled: Flags = formed.moving & (abs(speed) <= self._moving_m_s) & (abs(way) == 1.0)
+        if not stalled.any():
+            return stalled
+        signals = list(formed.signals.T)
+        push, dry = self._relations.functions["drag"](self._p, signals)
+        signals[self._current] = np.full(len(formed), self._p.current_offset_a)
+        rest, _ = self._relations.functions["drag"](self._p, signals)
+        held: Flags = stalled & (abs(push - rest) <= dry)
+        return held
 
     def _follow(
         self, rows: Array, smooth: Array, frozen: bool, values: Array, spread: Array

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import nan
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec, Sensor
 from flea_diag.core.bond_graph.bond_graph import SOURCES
 from flea_diag.core.bond_graph.modes import MachineMode
-from flea_diag.core.machine_modes import ModeRow
+from flea_diag.core.machine_modes import HELD, ModeRow
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
 from flea_diag.core.residuals.measured_graph import MECHANICAL, channel_of
@@ -21,7 +22,7 @@ from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, R
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
 from flea_diag.core.residuals.stop import reactions_at
 from flea_diag.core.sensors.sensor_set import SensorSet
-from flea_diag.core.symbolic.expression import symbols
+from flea_diag.core.symbolic.expression import ZERO, substitute, symbols
 from flea_diag.errors import ModelError
 
 DRIVEN = "driven"
@@ -70,6 +71,9 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
     made = _observed(actuator, known, made)
     modes = tuple(_mode(actuator, known, made, mode) for mode in actuator.modes.values())
     told = [(made.channels[m.channel], j) for m in modes for j in (*m.voids, *m.only)]
+    if not made.load and not any(mode.stands for mode in modes) and _carries(known, made):
+        voids = tuple(made.of_relation(friction))
+        modes += (ModeRow(HELD, -1, nan, nan, 0.0, voids, (), stands=True, followed=False),)
     parities = tuple(
         replace(row, needs=tuple(dict.fromkeys((*row.needs, *(c for c, k in told if k == j)))))
         for j, row in enumerate(made.parities)
@@ -95,6 +99,13 @@ def _mode(actuator: Actuator, known: RelationSet, rows: ResidualSet, mode: Machi
         bool(mode.holds),
         not balances,
     )
+
+
+def _carries(known: RelationSet, rows: ResidualSet) -> bool:
+    """Whether something moves the machine at rest without a current, such as a weight."""
+    zero = known.offsets.get(rows.current, ZERO)
+    rates = {signal: ZERO for signal in known.signals if channel_of(signal)[1]}
+    return bool(rows.current) and substitute(known.push, {**rates, rows.current: zero}) != ZERO
 
 
 def _values(rows: ResidualSet, names: Sequence[str]) -> list[int]:

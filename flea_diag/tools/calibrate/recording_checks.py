@@ -101,6 +101,36 @@ def check_signs(recordings: Sequence[NominalRecording], known: ResidualSet) -> N
         )
 
 
+def check_modes(recordings: Sequence[NominalRecording], known: ResidualSet) -> list[str]:
+    """Words on each mode of the machine that no recording shows.
+
+    Raises
+    ------
+    CalibrationError
+        Its channel is in none, or relations hold in this mode alone.
+    """
+    from flea_diag.core.machine_modes import never_seen
+
+    said = []
+    for mode in never_seen(known.modes, [each.run.rows for each in recordings]):
+        channel = known.channels[mode.channel]
+        if not any(channel in each.channels for each in recordings):
+            raise CalibrationError(
+                f"mode {mode.name}: no recording has the channel {channel} that tells it: record it"
+                " (channels.yaml), or take the mode out of the description"
+            )
+        limits = ((mode.above, "above"), (mode.below, "below"))
+        between = " and ".join(f"{word} {limit:g}" for limit, word in limits if limit == limit)
+        words = f"mode {mode.name} is never seen: {channel} is nowhere {between}"
+        if mode.only:
+            names = ", ".join(known.rows[j].name for j in mode.only)
+            raise CalibrationError(
+                f"{words}, and {names} holds in it alone: record it in this mode"
+            )
+        said.append(f"{words}; record the machine in it, too, if it is used so")
+    return said
+
+
 def check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:
     """Refuse where it is not clear any more which recordings are the nominal ones.
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import pytest
+import yaml
 from support import stands
+from support.places import ROOT
 from support.stand_runs import records
 
 from flea_diag.configuration.component import make_pipeline
-from flea_diag.configuration.stand import load_stand
+from flea_diag.configuration.stand import Stand, load_stand
+from flea_diag.core.machine_modes import HELD
 from flea_diag.operator.stand_view import channels as channel_panel
 from flea_diag.operator.state import OperatorState
 from flea_diag.stages.digest import DECIDED, decided
@@ -30,6 +35,7 @@ from flea_diag.wire.records import (
     Scan,
 )
 
+AXIS = ROOT / "config" / "stands" / "axis"
 BRAKE = {"for_s": 3.0, "every_s": 12.0}
 """Engaged from 0 to 3 s and from 12 to 15 s."""
 VOID = ("parity_mechanical", "parity_mechanical_dn")
@@ -130,3 +136,43 @@ def test_the_summary_and_the_console_show_it() -> None:
     panel = channel_panel(OperatorState(quality=quality))
     assert panel is not None
     assert any(line.text.startswith(f"{MODE} ") and "braked" in line.text for line in panel.lines)
+
+
+@pytest.fixture(scope="module")
+def untold(tmp_path_factory: pytest.TempPathFactory) -> Stand:
+    """The axis, where nobody has said that it has a brake."""
+    folder = tmp_path_factory.mktemp("untold") / "axis"
+    shutil.copytree(AXIS, folder)
+    described, calibrated = (folder / name for name in ("actuator.yaml", "calibration.yaml"))
+    content = yaml.safe_load(described.read_text("utf-8"))
+    del content["modes"]
+    described.write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
+    known = yaml.safe_load(calibrated.read_text("utf-8"))
+    del known["actuator_sha256"]
+    known["channels"].remove("brake_engaged")
+    calibrated.write_text(yaml.safe_dump(known, sort_keys=False), "utf-8")
+    (folder / "channels.yaml").unlink()
+    stand = folder / "stand.yaml"
+    stand.write_text(stand.read_text("utf-8").replace("channels: channels.yaml\n", ""), "utf-8")
+    return load_stand(str(folder))
+
+
+def test_where_no_channel_tells_a_weight_without_current_is_held_and_said_to_be(
+    untold: Stand,
+) -> None:
+    said = tuple(stands.replay(make_pipeline(untold, observer_backend="numpy"), run()))
+    assert not stands.of(Detection, said)
+    held = {round(seconds(row.since_ns)) for row in rows(said) if row.reason.startswith(HELD)}
+    # The first is known once the smoothing is full, and it has stood for as long again.
+    assert held == {1, 12}
+    assert all("braked" not in row.reason for row in rows(said))
+
+
+def test_what_stands_against_the_current_of_its_motor_is_not_held(untold: Stand) -> None:
+    """A carriage that has seized: the motor pushes, and nothing moves."""
+    seized = [{"fault": "jam", "onset_s": 8.0, "size": 20.0}]
+    motion = {"kind": "sine", "amplitude_m": 0.25, "frequency_hz": 0.2, "centre_m": 0.6}
+    made = records(machine="axis", motion=motion, faults=seized, duration_s=14.0, unit_seed=201)
+    said = stands.replay(make_pipeline(untold, observer_backend="numpy"), made)
+    assert stands.of(Detection, said)
+    assert not any(row.reason for row in rows(tuple(said)))
