@@ -16,7 +16,7 @@ from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.wire.bus import life_cycle as states
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.life_cycle import LifeCycle
-from flea_diag.wire.bus.remote.bond import Bond
+from flea_diag.wire.bus.remote.manager_bond import ManagerBond
 from flea_diag.wire.bus.screen import Foreground
 from flea_diag.wire.bus.surroundings import LOOK_S as LOOK_AROUND_S
 from flea_diag.wire.bus.surroundings import Surroundings
@@ -81,7 +81,7 @@ class Managed:
         bus.always(REPORT_S, self._report)
         around = Surroundings(node, bus.caution, lambda: bus.working, bus.own_stamps)
         bus.always(LOOK_AROUND_S, around.look)
-        self._bond = Bond(node, bond_s) if bond_s else None
+        self._bond = ManagerBond(node, bond_s) if bond_s else None
         if self._bond is not None:
             bus.always(bond_s, self._bond.beat)
         self._begun_s = self._told_s = time.monotonic()

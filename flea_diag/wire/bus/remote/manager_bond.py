@@ -20,7 +20,7 @@ TIMEOUT_S = 4.0
 DEPTH = 100
 
 
-class Bond:
+class ManagerBond:
     """The heartbeat of one node; an instance anew each time that it is activated.
 
     Parameters
