@@ -1,4 +1,4 @@
-"""Valid messages that would mislead: the right answer of each, in a live graph and in its replay."""
+"""Valid messages that would mislead: the right answer to each, in a live graph and replayed."""
 
 from __future__ import annotations
 

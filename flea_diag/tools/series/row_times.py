@@ -17,7 +17,8 @@ from flea_diag.wire.sources.mapping import DATENUM, DATENUM_OF_1970
 
 WORDS = frozenset({
     "time", "times", "stamp", "timestamp", "t", "sec", "secs", "seconds", "clock", "elapsed",
-    "zeit", "uhrzeit", "zeitstempel", "datenum", "datetime", "date", "datum", "millis", "micros", "tick",
+    "zeit", "uhrzeit", "zeitstempel", "datenum", "datetime", "date", "datum", "millis", "micros",
+    "tick",
     "ticks", "tiempo", "ts",
 })  # fmt: skip
 SECONDS = {
@@ -188,9 +189,9 @@ def _unit(series: Series) -> str:
     largest = float(np.abs(finite).max())
     steps = np.diff(np.unique(finite))
     step = float(np.median(steps)) if len(steps) else 1.0
-    if SECONDS.get(said, 86400.0) == 86400.0 and step < SHORTEST_DAY:
-        if DATENUM_D[0] < largest < DATENUM_D[1]:
-            return DATENUM
+    of_days = SECONDS.get(said, 86400.0) == 86400.0 and step < SHORTEST_DAY
+    if of_days and DATENUM_D[0] < largest < DATENUM_D[1]:
+        return DATENUM
     if said:
         return SHORT[SECONDS[said]]
     for factor in (1e-9, 1e-6, 1e-3, 1.0):

@@ -121,7 +121,8 @@ class TableTime:
     """Time of the rows of a table: a column, in seconds times ``factor``, from ``start_ns`` on.
 
     ``zero`` is what the column reads at ``start_ns``; MATLAB's days begin in the year 0, and no
-    number of nanoseconds reaches there. Without a column the rows are as far apart as scans, or as readings of accelerometers.
+    number of nanoseconds reaches there. Without a column the rows are as far apart as scans, or as
+    readings of accelerometers.
     """
 
     column: str = ""
