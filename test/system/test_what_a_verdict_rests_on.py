@@ -12,31 +12,26 @@ import pytest
 from support.disk.failing_disk import FailingDisk
 from support.graph.network import Network
 from support.graph.runs import Run, run_of
-from support.graph.scheduler import S, Scheduler
+from support.graph.scheduler import Scheduler
 from support.graph.world import World
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.nodes import diagnoser
-from flea_diag.stages.digest import decision_digest
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay import replay
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import (
-    STREAM,
     AmbiguityGroup,
     ChannelTable,
-    DataQuality,
     Outcome,
-    Quality,
     Scan,
 )
 
 HEALTHY, JAM = 0, 2
 """Units by what is wrong with them (``support.graph.runs``)."""
 LENGTH_S = 16.0
-QUIET = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL}
 BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
 
 
@@ -49,7 +44,6 @@ class Row:
     last: Outcome
     words: str = ""
     spoilt: tuple[str, ...] = ()
-    troubles: tuple[str, ...] = ()
     change: Any = None
     """Changes the scans of a run before they are sent."""
 
@@ -64,13 +58,6 @@ def missing(channel: str, every: int, run: Run) -> Run:
             values[column] = math.nan
         scans.append(replace(scan, values=tuple(values)))
     return replace(run, scans=tuple(scans))
-
-
-def at_rate(rate_hz: float, run: Run) -> Run:
-    """Sampled at another rate."""
-    from support.graph.spoilt_source import sampled
-
-    return replace(run, scans=tuple(sampled(list(run.scans), rate_hz)))
 
 
 ROWS: dict[str, Row] = {
@@ -88,21 +75,6 @@ ROWS: dict[str, Row] = {
     "10 of 32 scans are lost": Row(
         HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("lost_regularly",)
     ),
-    "each 20th scan is empty": Row(HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("empty_scans",)),
-    **{
-        f"scans at {rate_hz:g} Hz": Row(
-            HEALTHY, {Outcome.MODEL_MISMATCH, *QUIET}, Outcome.MODEL_MISMATCH, f"{rate_hz:g} Hz",
-            change=partial(at_rate, rate_hz),
-        )
-        for rate_hz in (50.0, 80.0, 95.0, 105.0, 120.0)
-    },
-    "stamps jitter": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("jitter",)),
-    "the clock steps back": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("clock_set_back",)),
-    "a second source": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("second_source",)),
-    "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
-    "through its life cycle again": Row(
-        HEALTHY, QUIET, Outcome.NOMINAL, troubles=("configured_again",)
-    ),
 }  # fmt: skip
 
 
@@ -113,7 +85,7 @@ def world_of(row: Row, folder: Path) -> World:
     run = row.change(run) if row.change is not None else run
     disk = FailingDisk(folder, lambda _number, _name: 0)
     world = World(
-        5, folder, run, scheduler, Network(scheduler), disk, row.spoilt, row.troubles,
+        5, folder, run, scheduler, Network(scheduler), disk, row.spoilt,
         layout=(diagnoser.program,),
     )  # fmt: skip
     with scheduler.as_time():
@@ -141,28 +113,3 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
              if isinstance(r, AmbiguityGroup)]  # fmt: skip
     assert {v.outcome for v in again} <= row.allowed
     assert again[-1].outcome is row.last, again[-1].words
-
-
-def test_a_stand_that_dies_is_stale_within_a_second(tmp_path: Path) -> None:
-    world = world_of(Row(HEALTHY, QUIET, Outcome.NOMINAL), tmp_path)
-    ended_ns = world.begun_ns + S + world.run.scans[-1].stamp_ns
-    late = [(at_ns, decode(DataQuality, data)) for at_ns, topic, data in world.said
-            if topic == "/data_quality" and at_ns > ended_ns]  # fmt: skip
-    at_ns, quality = late[0]
-    assert at_ns - ended_ns < S
-    rows = {each.channel: each for each in quality.channels}
-    assert rows["load_force"].quality is rows[STREAM].quality is Quality.STALE
-    assert "the source has stopped, last reading 0." in rows["load_force"].reason
-
-
-def test_a_replay_decides_what_the_live_graph_decided(tmp_path: Path) -> None:
-    """Of a jam, from the recorder's bag: the same decisions, to the last size."""
-    world = world_of(Row(JAM, set(Outcome), Outcome.NOMINAL), tmp_path)
-    bag = [r for _, r in read_bag(tmp_path / "bag_0", [ChannelTable, Scan])]
-    replayed = replay.diagnosed(in_blocks(bag), make_pipeline(load_stand()))
-    live = [v for v in verdicts(world) if not v.stale and v.members]
-    again = [r for r in replayed if isinstance(r, AmbiguityGroup) and r.members]
-    assert live
-    changes = [{m.fault for m in v.members} for v in live]
-    assert changes[-1] == {m.fault for m in again[-1].members}
-    assert decision_digest(again[-1:])
