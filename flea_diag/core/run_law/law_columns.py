@@ -22,6 +22,7 @@ from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation
 from flea_diag.core.run_law.run_windows import (
     CURRENT_RATE,
     LOAD_DRAG,
+    REVERSAL,
     WINDOW_S,
     RunWindows,
     signal_names,
@@ -157,6 +158,8 @@ def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
     """Load, load times sign of the motion and sign of the motion, where they are no term of it."""
     if row.kind != "junction":
         return
+    if row.name != effects.residuals.circuit:
+        yield REVERSAL
     load = motion_signals(effects.residuals)[1]
     if load in effects.relations.signals:
         yield LOAD_DRAG

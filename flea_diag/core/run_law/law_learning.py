@@ -23,12 +23,13 @@ from flea_diag.core.run_law.law_noise import (
     learned_noise,
 )
 from flea_diag.core.run_law.law_score import law_score
-from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread
+from flea_diag.core.run_law.restricted_likelihood import Spread
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.time_constant import time_constant_s
 from flea_diag.core.run_law.unsound_runs import Candidates, RunsJudged, UnsoundRun, sound_runs
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -159,10 +160,12 @@ class _Learning:
                 counts.append(white.known.sum(axis=0))
         values = np.array(counts, dtype=float)
         one = np.ones(len(self.columns))
+        guessed = np.array([column.kind == NEGLECTED for column in self.columns.columns])
         return Candidates(
             RunSums.stacked(sums), np.array(squares) / np.maximum(values, 1.0), values,
             self.columns.columns, self.faults.columns, self.columns.relations, self.scale,
-            one, one, MEAN_TOLERANCES**2 * one, self.groups, self._least_sizes(),
+            VariancePrior(one, guessed), one, MEAN_TOLERANCES**2 * one, self.groups,
+            self._least_sizes(),
         )  # fmt: skip
 
     def _least_sizes(self) -> Array:
@@ -234,16 +237,17 @@ def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
 def _law(of: _Learning, judged: RunsJudged) -> RunLaw:
     """The law in SI units."""
     levels, which = judged.levels, np.flatnonzero(judged.sound).tolist()
-    # A variance that is known from few recordings: the predictive distribution is wider.
-    freedom = PRIOR_RUNS + len(which) - 1.0
-    variance = levels.variance * freedom / max(freedom - 2.0, 1.0)
+    variance = levels.variance
+    wide = np.maximum(variance, levels.known.wide())
     units = levels.units
     one = levels.of_unit(units[0])
     mean, covariance = (one.mean, one.covariance) if len(units) == 1 else levels.design()
-    deviations = np.sqrt([variance, levels.unit_variance]) * of.scale
+    deviations = np.sqrt([variance, levels.unit_variance, wide]) * of.scale
     terms = tuple(
-        LawTerm(c.name, c.kind, float(m * z), float(run), float(unit), c.relation)
-        for c, m, z, run, unit in zip(of.columns.columns, mean, of.scale, *deviations, strict=True)
+        LawTerm(c.name, c.kind, float(m * z), float(run), float(unit), c.relation, float(wide))
+        for c, m, z, run, unit, wide in zip(
+            of.columns.columns, mean, of.scale, *deviations, strict=True
+        )
     )
     scaled = covariance * of.scale[:, None] * of.scale
     lower = tuple(tuple(map(float, row[: k + 1])) for k, row in enumerate(scaled))
@@ -259,10 +263,11 @@ def _law(of: _Learning, judged: RunsJudged) -> RunLaw:
     )  # fmt: skip
 
 
-def _feigned(faults: FaultColumns, found: tuple[Array, Array]) -> tuple[FeignedSize, ...]:
+def _feigned(faults: FaultColumns, found: Array) -> tuple[FeignedSize, ...]:
+    rows = np.column_stack((found[0], np.sqrt(found[1:]).T)).tolist()
     return tuple(
-        FeignedSize(column.fault, column.size, float(mean), float(np.sqrt(variance)))
-        for column, mean, variance in zip(faults.columns, *found, strict=True)
+        FeignedSize(column.fault, column.size, *row)
+        for column, row in zip(faults.columns, rows, strict=True)
     )
 
 

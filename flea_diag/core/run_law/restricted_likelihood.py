@@ -3,11 +3,10 @@
 The coefficients of recording k are b_k = m + c_k, c_k ~ N(0, S), S diagonal, m ~ N(0, M). With the
 sums of each recording (``run_sums``) the EM algorithm (Laird and Ware 1982) needs no data:
 
-    S = (sum_k E[c_k^2] + 2 A^2 S / (A^2 + S)) / (K + 1)
+    S = argmax_S  log p(S) - (K log S + sum_k E[c_k^2] / S) / 2
 
-where E[c_k^2] holds the uncertainty of m, which makes it restricted likelihood. The second term is
-that of a half-Cauchy prior of the standard deviation with the scale A (Gelman 2006): what few
-recordings say little of stays about A, and many bring it down as far as they like.
+where E[c_k^2] holds the uncertainty of m, which makes it restricted likelihood. What recordings say
+little of stays about its prior (``variance_prior``), and many bring it down as far as they like.
 """
 
 from __future__ import annotations
@@ -18,14 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
 
 STEPS = 40
 """Steps of EM: the log likelihood of the FLEA's recordings then changes by less than 0.01."""
-PRIOR_RUNS = 1.0
-"""Recordings that the prior of a variance counts as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,28 +61,33 @@ def mean_of(sums: RunSums, variance: Array, prior: Array) -> tuple[Array, Array]
 
 
 def run_variance(
-    sums: RunSums, scale: Array, mean_prior: Array, groups: Places, steps: int = STEPS
+    sums: RunSums, prior: VariancePrior, mean_prior: Array, groups: Places, steps: int = STEPS
 ) -> Array:
-    """Variances between recordings of one unit, shape (columns,); ``scale`` is A^2.
+    """Variances between recordings of one unit, shape (columns,).
 
     ``groups`` is the unit of each recording, shape (recordings,): each has a mean of its own.
     """
-    found = scale.copy()
-    members = [np.flatnonzero(groups == unit) for unit in np.unique(groups)]
+    found = prior.scale.copy()
     for _ in range(steps):
-        total = 2.0 * scale * found / (scale + found)
-        for which in members:
-            total = total + _squares(sums[which], found, mean_prior)
-        found = total / (PRIOR_RUNS + len(sums))
+        apart, error = run_estimates(sums, found, mean_prior, groups)
+        found = prior.mode((np.square(apart) + error).sum(axis=0), len(sums), found)
     return np.asarray(found)
 
 
-def _squares(sums: RunSums, variance: Array, mean_prior: Array) -> Array:
-    """Expected squares of what recordings of one unit differ by, summed."""
-    mean, covariance = mean_of(sums, variance, mean_prior)
+def run_estimates(
+    sums: RunSums, variance: Array, mean_prior: Array, groups: Places
+) -> tuple[Array, Array]:
+    """What each recording differs by from its unit, and the variance of that.
+
+    Shape (recordings, columns); the uncertainty of the mean is in it.
+    """
+    apart, error = np.empty(sums.cross.shape), np.empty(sums.cross.shape)
     kept, _ = posterior_covariance(sums.gram, variance)
-    apart = np.matmul(kept, sums.beside(mean).cross[..., None])[..., 0]
-    pull = np.matmul(kept, sums.gram)
-    of_mean = np.einsum("kij,jl,kil->i", pull, covariance, pull)
-    own = np.einsum("kii->i", kept)
-    return np.asarray(np.square(apart).sum(axis=0) + own + of_mean)
+    for unit in np.unique(groups):
+        which = np.flatnonzero(groups == unit)
+        mean, covariance = mean_of(sums[which], variance, mean_prior)
+        apart[which] = np.matmul(kept[which], sums[which].beside(mean).cross[..., None])[..., 0]
+        pull = np.matmul(kept[which], sums.gram[which])
+        error[which] = np.einsum("kii->ki", kept[which])
+        error[which] += np.einsum("kij,jl,kil->ki", pull, covariance, pull)
+    return apart, error

@@ -32,7 +32,9 @@ class LawTerm(Frozen):
     """One column: what it is on average, and by how much units and recordings differ in it.
 
     One standard deviation each, in SI units; ``unit_sigma`` is 0 of what no unit has.
-    ``relation`` is that of a neglected term.
+    ``relation`` is that of a neglected term. ``claim_sigma`` is that of the normal distribution
+    that a claim of a recording is held against, wider the fewer recordings show the term
+    (``known_variance``); 0: not known, ``run_sigma``.
     """
 
     name: str
@@ -41,6 +43,7 @@ class LawTerm(Frozen):
     run_sigma: NotNegative
     unit_sigma: NotNegative = 0.0
     relation: str = ""
+    claim_sigma: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +65,15 @@ class RelationNoise(Frozen):
 class FeignedSize(Frozen):
     """Size of a fault that healthy recordings feign, on average.
 
-    ``sigma`` is by how much it scatters beyond what the noise of a recording explains.
+    ``sigma`` is by how much it scatters beyond what the noise of a recording explains,
+    ``claim_sigma`` what a fault from before the recording is held against; 0: ``sigma``.
     """
 
     fault: str
     size: str
     mean: float
     sigma: NotNegative
+    claim_sigma: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +176,8 @@ class RunLaw(Frozen):
 
     @cached_property
     def run_variance(self) -> Array:
-        """Variances between recordings, shape (terms,)."""
-        return np.square([term.run_sigma for term in self.terms])
+        """Variances between recordings that a claim is held against, shape (terms,)."""
+        return np.square([term.claim_sigma or term.run_sigma for term in self.terms])
 
     @cached_property
     def unit_variance(self) -> Array:

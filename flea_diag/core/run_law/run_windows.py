@@ -19,7 +19,7 @@ Flags = npt.NDArray[np.bool_]
 
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
-CURRENT_RATE, LOAD_DRAG = "current_rate", "load_drag"
+CURRENT_RATE, LOAD_DRAG, REVERSAL = "current_rate", "load_drag", "reversal"
 TURNS = 0.99
 """Share of the full sign of the motion below which a window holds a reversal or a standstill."""
 
@@ -58,20 +58,23 @@ class RunWindows:
 
 def signal_names(effects: EffectSet) -> tuple[str, ...]:
     """The basis signals, and what the relations leave out."""
-    return (*effects.names, CURRENT_RATE, LOAD_DRAG)
+    return (*effects.names, CURRENT_RATE, LOAD_DRAG, REVERSAL)
 
 
 def with_neglected(regressors: Array, effects: EffectSet, period_s: float) -> Array:
     """Basis signals of n scans, shape (n, signals), and behind them what relations leave out.
 
     The rate of the current, by which a winding's inductance acts, or two channels of the circuit
-    that lag behind each other; and the load times the sign of the motion, by which a load rubs.
+    that lag behind each other; the load times the sign of the motion, by which a load rubs; and
+    what the smooth sign of the motion leaves out at a reversal, where dry friction has its peak.
     """
     current, load = (_column(regressors, effects, name) for name in motion_signals(
         effects.residuals)[:2])  # fmt: skip
     rate = np.diff(current, prepend=current[:1]) / period_s
-    drag = np.abs(load) * _column(regressors, effects, DIRECTION)
-    return np.column_stack((regressors[:, : len(effects.names)], rate, drag))
+    way = _column(regressors, effects, DIRECTION)
+    drag = np.abs(load) * way
+    turn = way * (1.0 - np.square(way))
+    return np.column_stack((regressors[:, : len(effects.names)], rate, drag, turn))
 
 
 def answering(

@@ -8,14 +8,16 @@ recording that is judged is known by its other recordings; where it has none, it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread, run_variance
-from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
+from flea_diag.core.run_law.known_variance import KnownVariance
+from flea_diag.core.run_law.restricted_likelihood import Spread, run_estimates, run_variance
+from flea_diag.core.run_law.run_sums import RunSums
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -32,6 +34,8 @@ class UnitLevels:
     ----------
     sums
         Of the recordings that it was learned from.
+    prior
+        Of S_run.
     variance, unit_variance
         S_run and S_unit, shape (columns,).
     mean_prior
@@ -41,6 +45,7 @@ class UnitLevels:
     """
 
     sums: RunSums
+    prior: VariancePrior
     variance: Array
     unit_variance: Array
     mean_prior: Array
@@ -48,18 +53,19 @@ class UnitLevels:
 
     @classmethod
     def of(
-        cls, sums: RunSums, scale: Array, unit_scale: Array, mean_prior: Array, groups: Places
-    ) -> UnitLevels:
-        """Learn both variances; ``scale`` and ``unit_scale`` are those of their priors."""
-        variance = run_variance(sums, scale, mean_prior, groups)
-        made = cls(sums, variance, unit_scale, mean_prior, groups)
+        cls, sums: RunSums, prior: VariancePrior, unit_scale: Array, mean_prior: Array,
+        groups: Places,
+    ) -> UnitLevels:  # fmt: skip
+        """Learn both variances; ``unit_scale`` is that of the prior of S_unit."""
+        variance = run_variance(sums, prior, mean_prior, groups)
+        made = cls(sums, prior, variance, unit_scale, mean_prior, groups)
         if len(made.units) < LEAST_UNITS:
             return made
         every = RunSums.stacked(made.unit_sums[unit] for unit in made.units)
         one = np.zeros(len(every), dtype=np.intp)
         least = np.maximum(unit_scale, 1e-8)
-        between = run_variance(every, least, mean_prior, one)
-        return cls(sums, variance, np.where(unit_scale > 0.0, between, 0.0), mean_prior, groups)
+        between = run_variance(every, replace(prior, scale=least), mean_prior, one)
+        return replace(made, unit_variance=np.where(unit_scale > 0.0, between, 0.0))
 
     @cached_property
     def units(self) -> list[int]:
@@ -92,23 +98,26 @@ class UnitLevels:
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         return covariance @ vector, covariance
 
-    def of_unit(self, unit: int, without: int = -1) -> Spread:
-        """Spread of further recordings of a unit, by all recordings but one of them."""
+    def of_unit(self, unit: int, without: int = -1, wide: bool = False) -> Spread:
+        """Spread of further recordings of a unit, by all recordings but one of them.
+
+        ``wide``: as wide as a claim is held against.
+        """
         mean, covariance = self._before(unit)
         information = np.linalg.inv(covariance)
         vector = information @ mean
-        variance = self.variance
         if unit in self.unit_sums:
             information = information + self.unit_sums[unit].gram
             vector = vector + self.unit_sums[unit].cross
         if without >= 0:
             information = information - self.freed[without].gram
             vector = vector - self.freed[without].cross
-            count = PRIOR_RUNS + len(self.sums)
-            left = np.maximum(count * variance - self._own_squares[without], 0.0)
-            variance = left / (count - 1.0)
         covariance = np.linalg.inv(information)
-        return Spread(covariance @ vector, variance, covariance)
+        return Spread(covariance @ vector, self._variance(without, wide), covariance)
+
+    def _variance(self, without: int, wide: bool) -> Array:
+        likely = self.variance if without < 0 else self.known.likely(without)
+        return np.asarray(np.maximum(likely, self.known.wide(without))) if wide else likely
 
     def _before(self, unit: int) -> tuple[Array, Array]:
         """What is known of a unit before its own recordings."""
@@ -118,12 +127,7 @@ class UnitLevels:
         return mean, covariance + np.diag(self.unit_variance)
 
     @cached_property
-    def _own_squares(self) -> Array:
-        """What each recording adds to the sums for the variance, shape (recordings, columns)."""
-        kept, _ = posterior_covariance(self.sums.gram, self.variance)
-        apart = np.empty((len(self.sums), len(self.variance)))
-        for unit in self.units:
-            which = np.flatnonzero(self.groups == unit)
-            beside = self.sums[which].beside(self.of_unit(unit).mean)
-            apart[which] = np.matmul(kept[which], beside.cross[..., None])[..., 0]
-        return np.asarray(np.square(apart) + np.einsum("kii->ki", kept))
+    def known(self) -> KnownVariance:
+        """How well S_run is known."""
+        apart, error = run_estimates(self.sums, self.variance, self.mean_prior, self.groups)
+        return KnownVariance.of(apart, error, self.variance, self.prior)

@@ -20,10 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.fault_columns import FaultColumn
+from flea_diag.core.run_law.known_variance import KnownVariance
 from flea_diag.core.run_law.law_columns import UNIT, LawColumn
-from flea_diag.core.run_law.restricted_likelihood import PRIOR_RUNS, Spread
+from flea_diag.core.run_law.restricted_likelihood import Spread
 from flea_diag.core.run_law.run_sums import RunSums, posterior_covariance
 from flea_diag.core.run_law.unit_levels import UnitLevels
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -88,7 +90,7 @@ class Candidates:
     faults: Sequence[FaultColumn]
     relations: tuple[str, ...]
     scale: Array
-    prior: Array
+    prior: VariancePrior
     unit_prior: Array
     mean_prior: Array
     groups: npt.NDArray[np.intp]
@@ -111,7 +113,8 @@ class RunsJudged(NamedTuple):
     """Which recordings are sound, their levels, and the others with what is wrong with them.
 
     ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
-    ``feigned`` are centre and variance of each fault's size in sound ones, shape (faults,).
+    ``feigned`` are centre and variance of each fault's size in sound ones, and the variance that a
+    claim is held against, shape (3, faults).
     ``contradicting`` are those that would be unsound, were they not too many.
     """
 
@@ -119,7 +122,7 @@ class RunsJudged(NamedTuple):
     levels: UnitLevels
     unsound: tuple[UnsoundRun, ...]
     noisy: tuple[UnsoundRun, ...]
-    feigned: tuple[Array, Array]
+    feigned: Array
     contradicting: tuple[UnsoundRun, ...] = ()
 
 
@@ -128,35 +131,41 @@ def sound_runs(of: Candidates) -> RunsJudged:
 
     Where the half in the middle leaves out more than a quarter, it was a kind of its own, one load
     say, among kinds that are all healthy: then whatever contradicts all of them is left out. If
-    that is as much, it is not clear which are the healthy ones, and all are kept.
+    that is as much, or nothing, it is not clear which are the healthy ones, and all are kept.
     """
-    judged = _settled(of, _nearest_half(of))
+    half = _settled(of, _nearest_half(of))
     most = MOST_UNSOUND * len(of.sums)
-    if len(judged.unsound) <= most:
+    if len(half.unsound) <= most:
+        return half
+    every = np.ones(len(of.sums), dtype=bool)
+    judged = _settled(of, every)
+    if 0 < len(judged.unsound) <= most:
         return judged
-    every = _settled(of, np.ones(len(of.sums), dtype=bool))
-    if len(every.unsound) <= most:
-        return every
-    kept = _settled(of, np.ones(len(of.sums), dtype=bool), rounds=1)
-    sound = np.ones(len(of.sums), dtype=bool)
-    return kept._replace(sound=sound, unsound=(), contradicting=every.unsound)
+    return _taken(of, every)._replace(contradicting=judged.unsound or half.unsound)
 
 
-def _settled(of: Candidates, sound: Flags, rounds: int = ROUNDS) -> RunsJudged:
+def _settled(of: Candidates, sound: Flags) -> RunsJudged:
     """Sound recordings, from these on, until nothing changes."""
-    for _ in range(rounds):
-        levels = of.fit(sound)
-        odds, usual = _judged(of, levels, sound)
+    for _ in range(ROUNDS):
+        odds, _ = _judged(of, of.fit(sound), sound)
         now = np.array([found.nats <= 0.0 for found in odds])
         if 2 * now.sum() < len(now):
             now = _least_odd(odds)
         if (now == sound).all():
             break
         sound = now
+    return _taken(of, sound)
+
+
+def _taken(of: Candidates, sound: Flags) -> RunsJudged:
+    """All recordings, judged by these."""
+    levels = of.fit(sound)
+    odds, usual = _judged(of, levels, sound)
     unsound = tuple(found for found, good in zip(odds, sound, strict=True) if not good)
     noisy = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
     first = len(of.columns)
-    feigned = usual.size[first:], usual.size_variance[first:]
+    rows = usual.size, usual.known.likely(), usual.known.wide()
+    feigned = np.array(rows)[:, first:]
     return RunsJudged(sound, levels, unsound, noisy, feigned)
 
 
@@ -166,14 +175,14 @@ def _nearest_half(of: Candidates) -> Flags:
     Too few for a half to say anything are all taken.
     """
     count = len(of.sums)
-    if count < 2 * (PRIOR_RUNS + 1.0):
+    if count < 4:
         return np.ones(count, dtype=bool)
     kept, _ = posterior_covariance(of.own.gram, of.mean_prior)
     own = np.matmul(kept, of.own.cross[..., None])[..., 0]
     middle = np.array([np.median(own[of.groups == unit], axis=0) for unit in of.groups])
     error = np.einsum("kii->ki", kept)
     spread = np.square(1.4826 * np.median(np.abs(own - middle), axis=0))
-    apart = np.square(own - middle) / (error + np.maximum(spread, 0.25 * of.prior))
+    apart = np.square(own - middle) / (error + np.maximum(spread, 0.25 * of.prior.scale))
     distance = apart.max(axis=1, initial=0.0)
     return np.asarray(distance <= np.median(distance))
 
@@ -188,30 +197,34 @@ def _judged(of: Candidates, levels: UnitLevels, sound: Flags) -> tuple[list[Unso
     """The most likely defect of each recording, with its odds; sound ones judged by the others."""
     members = np.flatnonzero(sound).tolist()
     place = {k: number for number, k in enumerate(members)}
-    laws = [levels.of_unit(int(of.groups[k]), place.get(k, -1)) for k in range(len(of.sums))]
+    laws = [
+        levels.of_unit(int(of.groups[k]), place.get(k, -1), wide=True) for k in range(len(of.sums))
+    ]
     sizes = [_sizes(of, k, law) for k, law in enumerate(laws)]
-    usual = _Usual(*_usual_sizes(sizes, sound), len(members))
-    odds = [_defect(of, k, laws[k], size, usual) for k, size in enumerate(sizes)]
+    usual = _usual_sizes(sizes, sound)
+    odds = [
+        _defect(of, k, laws[k], size, usual.size, usual.known.wide(place.get(k, -1)))
+        for k, size in enumerate(sizes)
+    ]
     return odds, usual
 
 
 class _Sizes(NamedTuple):
-    """Size of every column and fault by itself, its variance, and the share that recordings have.
+    """Size of every column and fault by itself, its variance, and the share of noise alone in it.
 
     NaN where a direction cannot be told from what recordings differ by.
     """
 
     size: Array
     variance: Array
-    share: Array
+    noise: Array
 
 
 class _Usual(NamedTuple):
-    """Sizes of all directions that sound recordings show, and their number."""
+    """Sizes of all directions that sound recordings show."""
 
     size: Array
-    size_variance: Array
-    runs: int
+    known: KnownVariance
 
 
 def _sizes(of: Candidates, k: int, law: Spread) -> _Sizes:
@@ -225,53 +238,53 @@ def _sizes(of: Candidates, k: int, law: Spread) -> _Sizes:
     gain = alone - np.einsum("ij,ij->i", explained, mixed)
     gain = np.where(gain > LEAST_GAIN * alone, gain, np.nan)
     pull = every.cross - explained @ every.cross[:count]
-    return _Sizes(pull / gain, 1.0 / gain, 1.0 - gain / np.where(alone > 0.0, alone, 1.0))
+    return _Sizes(pull / gain, 1.0 / gain, 1.0 / np.where(alone > 0.0, alone, np.inf))
 
 
-def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> tuple[Array, Array]:
-    """Sizes of faults that sound recordings show, and their variance beyond that of one of them.
+def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> _Usual:
+    """What sound recordings feign of each direction beyond what the noise of one explains.
 
     A signal that carries the noise of its own relation feigns a share of itself (errors in
-    variables): in healthy recordings, too. Medians, so that no single one sets them.
+    variables): in healthy recordings, too. How much is a guess of the size of that noise.
     """
     found = np.array([each.size for each, good in zip(sizes, sound, strict=True) if good])
     error = np.array([each.variance for each, good in zip(sizes, sound, strict=True) if good])
-    blank = ~np.isfinite(found).any(axis=0)
-    found[:, blank], error[:, blank] = 0.0, 0.0
+    told = np.isfinite(found)
+    blank = ~told.any(axis=0)
+    found[:, blank], error[:, blank] = 0.0, np.inf
     centre = np.nanmedian(found, axis=0)
-    scatter = np.square(1.4826 * np.nanmedian(np.abs(found - centre), axis=0))
-    return centre, np.maximum(scatter - np.nanmedian(error, axis=0), 0.0)
+    square = np.where(told, np.square(found - centre) / error, 0.0)
+    noise = np.median([each.noise for each, good in zip(sizes, sound, strict=True) if good], axis=0)
+    prior = VariancePrior(np.where(noise > 0.0, noise, 1.0), np.ones(len(noise), dtype=bool))
+    return _Usual(centre, KnownVariance(square, np.where(told, 1.0 / error, 0.0), prior))
 
 
-def _defect(of: Candidates, k: int, law: Spread, sizes: _Sizes, usual: _Usual) -> UnsoundRun:
-    found = list(_directions(of, k, sizes, usual))
+def _defect(
+    of: Candidates, k: int, law: Spread, sizes: _Sizes, centre: Array, feigned: Array
+) -> UnsoundRun:
+    found = list(_directions(of, k, sizes, centre, feigned))
     if not found:
         return UnsoundRun(k, "", UNIT, 0.0, 0.0, -np.inf)
     best = max(found, key=lambda each: each.nats)
-    many = _unit(of, k, law, usual)
+    many = _unit(of, k, law)
     found.append(replace(best, kind=MANY, nats=many))
     best = max(best, found[-1], key=lambda each: each.nats)
     odds = float(np.logaddexp.reduce([each.nats for each in found]) + np.log(SHARE / len(found)))
     return replace(best, nats=odds)
 
 
-def _directions(of: Candidates, k: int, sizes: _Sizes, usual: _Usual) -> Iterator[UnsoundRun]:
-    """Each column and each fault by itself.
-
-    The variance that recordings have is known from some of them: the share of it in the error of a
-    size makes its distribution one of Student's (Satterthwaite 1946).
-    """
+def _directions(
+    of: Candidates, k: int, sizes: _Sizes, centre: Array, feigned: Array
+) -> Iterator[UnsoundRun]:
+    """Each column and each fault by itself."""
     entries = [
         (c.name, c.kind, (-np.inf, np.inf), z) for c, z in zip(of.columns, of.scale, strict=True)
     ]
     entries += [(f.name, FAULT, (f.low, f.high), 1.0) for f in of.faults]
     is_fault = np.arange(len(entries)) >= len(of.columns)
-    apart = sizes.size - np.where(is_fault, usual.size, 0.0)
-    more = np.where(is_fault, usual.size_variance, 0.0)
-    variance = sizes.variance + more
-    share = (sizes.share * sizes.variance + more) / variance
-    freedom = usual.runs / np.maximum(share, 1e-3) ** 2
-    nats = 0.5 * (freedom + 1.0) * np.log1p(np.square(apart) / variance / freedom) - np.log(BROAD)
+    apart = sizes.size - np.where(is_fault, centre, 0.0)
+    variance = sizes.variance + np.where(is_fault, feigned, 0.0)
+    nats = 0.5 * np.square(apart) / variance - np.log(BROAD)
     for j, (name, kind, (low, high), scale) in enumerate(entries):
         is_large = abs(apart[j]) > WITHIN_UNITS * of.differing[j]
         if np.isfinite(nats[j]) and is_large and low <= apart[j] <= high:
@@ -279,16 +292,11 @@ def _directions(of: Candidates, k: int, sizes: _Sizes, usual: _Usual) -> Iterato
             yield UnsoundRun(k, name, kind, float(apart[j] * scale), error, float(nats[j]))
 
 
-def _unit(of: Candidates, k: int, law: Spread, usual: _Usual) -> float:
-    """Log Bayes factor of all that units differ by, at once.
-
-    What few recordings scatter by is known so badly that it may well be more.
-    """
+def _unit(of: Candidates, k: int, law: Spread) -> float:
+    """Log Bayes factor of all that units differ by, at once."""
     is_unit = np.array([column.kind == UNIT for column in of.columns])
-    wider = usual.runs / max(usual.runs - 2.0, 1.0)
-    usual_law = Spread(law.mean, law.variance * wider, law.covariance)
-    wide = replace(usual_law, variance=usual_law.variance + of.mean_prior * is_unit)
-    return float(wide.log_density(of.own[k]) - usual_law.log_density(of.own[k]))
+    other = replace(law, variance=law.variance + of.mean_prior * is_unit)
+    return float(other.log_density(of.own[k]) - law.log_density(of.own[k]))
 
 
 def _noises(of: Candidates, k: int, sound: Flags) -> Iterator[UnsoundRun]:

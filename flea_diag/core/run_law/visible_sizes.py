@@ -72,13 +72,15 @@ def visible_sizes(
         What a fault must exceed no fault by, and another one, nats.
     """
     errors = size_errors(law, columns, faults, runs)
-    feigned = np.array([row.sigma for row in law.feigned])
+    feigned = np.array([(row.sigma, row.claim_sigma or row.sigma) for row in law.feigned])
+    begun, always = feigned.T if len(feigned) else np.zeros((2, 0))
     found = []
     for k, column in enumerate(faults.columns):
         sizes = [
-            float(np.median(np.hypot(each[:, k], feigned[k])) * math.sqrt(2.0 * nats))
-            for each, nats in (
-                (errors.onset, limit), (errors.before, limit), (errors.beside, drop_nats),
+            float(np.median(np.hypot(each[:, k], feigns[k])) * math.sqrt(2.0 * nats))
+            for each, feigns, nats in (
+                (errors.onset, begun, limit), (errors.before, always, limit),
+                (errors.beside, begun, drop_nats),
             )
         ]  # fmt: skip
         onset, before, named = sizes

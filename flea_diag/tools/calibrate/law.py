@@ -123,7 +123,8 @@ class LawOfRecordings:
             row, count = fit.contradicting[0], len(fit.contradicting)
             noisy.append(
                 f"{count} of {len(runs)} recordings contradict the others, too many to tell which "
-                f"are the healthy ones: all are kept. The first is {names[row.place]}: "
+                "are the healthy ones: all are kept. Of two units, record each under its serial "
+                f"number; of a load of its own, record more. The first is {names[row.place]}: "
                 f"{reason_of(row, relations)}"
             )
         return cls(design, fit, odd, tuple(noisy))

@@ -29,7 +29,8 @@ def check_recordings(
     """
     if len(recordings) < 2:
         raise CalibrationError(
-            f"{len(recordings)} usable recordings, at least 2 are needed to estimate the scatter"
+            f"{len(recordings)} usable recordings, at least 2 are needed to estimate the scatter: "
+            "record the actuator again, under another motion or load"
         )
     first = recordings[0]
     _check_described(first, model, actuator)

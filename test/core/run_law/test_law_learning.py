@@ -119,7 +119,7 @@ def test_a_law_is_the_same_after_its_file():
     assert again.contradictions() == []
 
 
-def test_recordings_of_two_kinds_are_all_kept_and_said_to_contradict_each_other():
+def test_recordings_of_two_kinds_in_halves_are_all_kept():
     rng = np.random.default_rng(10)
     runs = [
         recording(rng, (drag, 0.0), name=f"{drag}_{k}") for drag in (0.0, 4.0) for k in range(7)
@@ -128,3 +128,12 @@ def test_recordings_of_two_kinds_are_all_kept_and_said_to_contradict_each_other(
     assert not fit.unsound
     assert len(fit.sound) == len(runs)
     assert fit.law.terms[0].run_sigma > 1.0
+
+
+def test_a_third_of_another_kind_is_kept_and_said_to_contradict_the_others():
+    rng = np.random.default_rng(10)
+    drags = [0.0] * 8 + [4.0] * 4
+    fit = law_of([recording(rng, (drag, 0.0), name=f"run_{k}") for k, drag in enumerate(drags)])
+    assert not fit.unsound
+    assert {row.place for row in fit.contradicting} == {8, 9, 10, 11}
+    assert len(fit.sound) == len(drags)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -9,8 +11,14 @@ from scipy.stats import multivariate_normal
 from flea_diag.core.run_law.restricted_likelihood import Spread, run_variance
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.unit_levels import UnitLevels
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 NOISE = 0.3
+
+
+def prior_of(scale) -> VariancePrior:
+    """Of two columns, of which the second is a guess."""
+    return VariancePrior(np.full(2, scale, dtype=float), np.array([False, True]))
 
 
 def drawn(rng: np.random.Generator, mean, sigma, count: int, rows: int = 40):
@@ -56,7 +64,7 @@ def test_variances_of_many_recordings_are_found_whatever_the_prior(sigma):
     _, sums = drawn(rng, np.array([1.0, 2.0]), sigma, 400)
     one = np.zeros(400, dtype=np.intp)
     for scale in (0.05, 5.0):
-        found = run_variance(sums, np.full(2, scale), np.full(2, 100.0), one)
+        found = run_variance(sums, prior_of(scale), np.full(2, 100.0), one)
         assert np.sqrt(found) == pytest.approx(sigma, rel=0.12, abs=0.02)
 
 
@@ -65,7 +73,7 @@ def test_what_few_recordings_say_nothing_of_keeps_its_prior():
         RunSums(np.zeros((2, 2)), np.zeros(2), np.asarray(0.0), np.asarray(0.0), np.asarray(0.0))
         for _ in range(4)
     )
-    found = run_variance(sums, np.array([4.0, 9.0]), np.ones(2), np.zeros(4, dtype=np.intp))
+    found = run_variance(sums, prior_of([4.0, 9.0]), np.ones(2), np.zeros(4, dtype=np.intp))
     assert found == pytest.approx([4.0, 9.0])
 
 
@@ -73,9 +81,9 @@ def test_a_recording_is_judged_by_the_mean_of_the_others_of_its_unit():
     rng = np.random.default_rng(4)
     _, sums = drawn(rng, np.array([5.0, 0.0]), 0.3, 6)
     one = np.zeros(6, dtype=np.intp)
-    levels = UnitLevels.of(sums, np.ones(2), np.ones(2), np.full(2, 100.0), one)
+    levels = UnitLevels.of(sums, prior_of(1.0), np.ones(2), np.full(2, 100.0), one)
     rest = np.array([1, 2, 3, 4, 5])
-    again = UnitLevels(sums[rest], levels.variance, np.ones(2), np.full(2, 100.0), one[rest])
+    again = replace(levels, sums=sums[rest], groups=one[rest])
     assert levels.of_unit(0, 0).mean == pytest.approx(again.of_unit(0).mean)
 
 
@@ -85,7 +93,7 @@ def test_units_have_means_of_their_own_and_a_new_one_is_about_that_of_the_design
     parts = [drawn(rng, np.array([off, 1.0]), 0.1, 8)[1] for off in offsets]
     sums = RunSums.stacked(part[k] for part in parts for k in range(8))
     groups = np.repeat(np.arange(12), 8)
-    levels = UnitLevels.of(sums, np.ones(2), np.ones(2), np.full(2, 100.0), groups)
+    levels = UnitLevels.of(sums, prior_of(1.0), np.ones(2), np.full(2, 100.0), groups)
     assert np.sqrt(levels.variance) == pytest.approx([0.1, 0.1], abs=0.03)
     assert np.sqrt(levels.unit_variance[0]) == pytest.approx(np.std(offsets, ddof=1), rel=0.2)
     assert levels.of_unit(3).mean[0] == pytest.approx(offsets[3], abs=0.15)

@@ -50,7 +50,7 @@ def test_half_of_injections_of_the_stated_size_reach_the_limit():
     rng = np.random.default_rng(4)
     fit = learn_law(recordings(rng, 40), COLUMNS, FAULTS, ())
     jam, _ = visible_sizes(fit.law, COLUMNS, FAULTS, fit.sound, LIMIT, DROP)
-    spread = fit.law.spread()
+    spread, feigned = fit.law.spread(), fit.law.feigned[0].claim_sigma ** 2
     reached = 0
     for run in recordings(rng, 200):
         values = run.values + jam.before * FAULTS.of(run)[..., 0]
@@ -63,7 +63,7 @@ def test_half_of_injections_of_the_stated_size_reach_the_limit():
         cross = cross - gram[:, :2] @ spread.mean
         gain = gram[2, 2] - gram[2, :2] @ kept @ gram[:2, 2]
         pull = cross[2] - gram[2, :2] @ kept @ cross[:2]
-        reached += 0.5 * pull**2 / gain > LIMIT and pull > 0.0
+        reached += 0.5 * (pull / gain) ** 2 / (1.0 / gain + feigned) > LIMIT and pull > 0.0
     assert reached / 200 == pytest.approx(0.5, abs=0.12)
 
 
