@@ -112,7 +112,7 @@ PAGES = (
         "What `flea stand new` makes of files that others write: formats of other makes, files "
         "that other packages bring, and one motion in drawn dialects of tables and habits of bags, "
         "each held against its plain form.",
-        ("dialects", "recordings_of_others"),
+        ("dialects", "recordings_of_others", "published_logs"),
     ),
     ResultPage(
         "reliability",

@@ -1,6 +1,6 @@
 """Whole graphs in one seeded scheduler, with what goes wrong drawn by the seed; many hours of them.
 
-python bench/robustness/graph.py 500                 500 graphs of half a minute
+python bench/robustness/graph.py 500                 500 graphs of half a minute; Ctrl-C ends it
 python bench/robustness/graph.py 1 --seed 1234       one again: it replays exactly
 python bench/robustness/graph.py 0 --disk            each operation of each command fails
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
@@ -38,14 +39,14 @@ def main() -> int:
 
 
 def _graphs(seed: int, count: int, figures: list[Figure]) -> int:
-    seeds = range(seed, seed + count)
-    found = []
-    for each in seeds:
-        found.append(_told(each))
-        if len(found) % 20 == 0:
-            hours = sum(graph.graph_s for graph in found) / 3600.0
-            print(f"{len(found)} graphs, {hours:.2f} h of graph time", flush=True)
-    drawn = f"{seeds[0]} to {seeds[-1]}"
+    found: list[Judged] = []
+    with suppress(KeyboardInterrupt):  # what is done by then counts
+        for each in range(seed, seed + count):
+            found.append(_told(each))
+            if len(found) % 20 == 0:
+                hours = sum(graph.graph_s for graph in found) / 3600.0
+                print(f"{len(found)} graphs, {hours:.2f} h of graph time", flush=True)
+    count, drawn = len(found), f"{seed} to {seed + len(found) - 1}"
     bad = sum(bool(graph.wrong) for graph in found)
     hours = sum(graph.graph_s for graph in found) / 3600.0
     kinds = Counter(words.split(" at ")[0][:40] for graph in found for words in graph.wrong)

@@ -2,6 +2,7 @@
 
 python bench/robustness/makes.py            a line for each
 python bench/robustness/makes.py --keep     and docs/results/kept/recordings_of_others.json
+python bench/robustness/makes.py --logs FILE...   recordings that others have published, one by one
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ def main() -> int:
     """1 where a file of a make is not right, or a traceback came."""
     parser = bench_parser(__doc__)
     parser.add_argument("--keep", action="store_true")
+    parser.add_argument("--logs", nargs="+", type=Path, default=[], metavar="FILE")
     args = parser.parse_args()
+    if args.logs:
+        return of_logs(args.logs, args.keep)
     rows, wrong = [], 0
     for name, make in MAKES.items():
         text, is_right = made(name, make)
@@ -74,6 +78,48 @@ def made(name: str, make: Make) -> tuple[str, bool]:
     wanted = [source.format(joint) for source in make.sources]
     found = [str(rows.get(channel, {}).get("column")) for channel in CHANNELS]
     return ", ".join(found)[:MOST_SHOWN], found == wanted
+
+
+def of_logs(files: list[Path], kept: bool) -> int:
+    """What comes of each file; 1 where it is neither a stand nor one line."""
+    rows, wrong = [], 0
+    for file in files:
+        with tempfile.TemporaryDirectory() as place:
+            status, out, errors = new(Path(place) / "mine", file)
+        lines = errors.strip().splitlines()
+        line = lines[0].replace(f"{file}: ", "").removeprefix("flea: ") if lines else ""
+        good = status == 0 or len(lines) == 1
+        wrong += not good
+        marks = out.count("(check)")
+        taken = f"{out.splitlines()[0].partition(': ')[2]}, {marks} cells to check" if out else ""
+        rows.append(KeptRow(file.name, text=line[:MOST_SHOWN] if status else taken))
+        print(f"{'right' if good else 'WRONG'}  {file.name}: {rows[-1].text}", flush=True)
+    if kept:
+        keep_logs(rows)
+    return min(wrong, 1)
+
+
+def keep_logs(rows: list[KeptRow]) -> None:
+    """Write the kept result of published recordings."""
+    write_kept(
+        FOLDER / "published_logs.json",
+        KeptResult(
+            "Published flight logs",
+            "python bench/robustness/makes.py --keep --logs FILE...",
+            Origin(date=str(date.today()), commit=_commit()),
+            tuple(rows),
+            notes=(
+                "Logs of PX4 (ULog) that the sources of pyulog 1.2.1 bring. None is of an actuator "
+                "with its load: the right end is one line that says what is missing, or a stand "
+                "whose doubts are marked.",
+            ),
+        ),
+    )
+
+
+def _commit() -> str:
+    command = ["git", "rev-parse", "--short=9", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def of_packages() -> list[KeptRow]:
@@ -115,12 +161,10 @@ def of_packages() -> list[KeptRow]:
 
 def keep(rows: list[KeptRow]) -> None:
     """Write the kept result."""
-    command = ["git", "rev-parse", "--short=9", "HEAD"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     result = KeptResult(
         "Files of other makes",
         "python bench/robustness/makes.py --keep",
-        Origin(date=str(date.today()), commit=commit),
+        Origin(date=str(date.today()), commit=_commit()),
         tuple(rows),
         notes=(
             "The result is what was taken for current, speed and position.",

@@ -20,6 +20,8 @@ from flea_diag.formats import migrated
 from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import (
     AGE_READINGS,
+    DATENUM,
+    DATENUM_OF_1970,
     FLEA_TEXT,
     FORMATS,
     RESAMPLINGS,
@@ -280,6 +282,10 @@ def _rate(value: float, where: str) -> float:
 def _time(known: _TimeColumn | None, where: str) -> TableTime:
     if known is None:
         return TableTime(start_ns=_START_NS)
+    if known.unit == DATENUM:
+        if known.start:
+            raise ConfigurationError(f"{where}: start: a datenum says the day itself; leave it out")
+        return TableTime(known.column, 86400.0, 0, DATENUM_OF_1970)
     seconds = conversion_to(known.unit, "s", f"{where}: unit")
     start_ns = _moment_ns(known.start, f"{where}: start") if known.start else 0
     return TableTime(known.column, seconds.factor, start_ns)

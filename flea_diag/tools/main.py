@@ -94,7 +94,7 @@ class CommandParser(argparse.ArgumentParser):
             message = f"unknown argument {shown(word)}{meant(word, known)}"
         elif wrong := _CHOICE.search(message):
             choices = re.findall(r"[^\s,']+", wrong[2])
-            message = f"{wrong[1]!r} is unknown{meant(wrong[1], choices)}; choose from {wrong[2]}"
+            message = f"{wrong[1]!r} is unknown, choose from {wrong[2]}{meant(wrong[1], choices)}"
         super().error(message)
 
     def _stray(self) -> str:
@@ -110,7 +110,7 @@ _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)", re.DOTAL
 def meant(word: str, known: Iterable[str]) -> str:
     """The question whether a similar word was meant; empty without one."""
     close = nearest(word.partition("=")[0], known)
-    return f", did you mean {close}?" if close else ""
+    return f"; did you mean {close}?" if close else ""
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:

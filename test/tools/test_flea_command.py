@@ -178,13 +178,13 @@ def test_help_loads_nothing_slow() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["repaly", "bags/jam"], "'repaly' is unknown, did you mean replay?"),
-        (["replay", "bags/jam", "--jsn"], "unknown argument '--jsn', did you mean --json?"),
+        (["repaly", "bags/jam"], "'recover'; did you mean replay?"),
+        (["replay", "bags/jam", "--jsn"], "unknown argument '--jsn'; did you mean --json?"),
         (
             ["stand", "new", "./x", "--form", "a.csv"],
-            "unknown argument '--form', did you mean --from",
+            "unknown argument '--form'; did you mean --from",
         ),
-        (["stand", "nwe"], "'nwe' is unknown, did you mean new?"),
+        (["stand", "nwe"], "'nwe' is unknown, choose from 'new', 'check'; did you mean new?"),
         (["diff", "a", "b", "c"], "flea diff: error: unknown argument 'c'"),
     ],
 )

@@ -38,6 +38,17 @@ def test_the_list_is_for_everybody(hall: HallSession) -> None:
     assert findings(hall.browser, drawn) == []
 
 
+def test_a_phone_shows_the_verdict_of_each_stand(hall: HallSession) -> None:
+    """Without a hand that moves the list to the side."""
+    hall.browser.size(390, 844)
+    hall.browser.open(hall.url)
+    cells = "[...document.querySelectorAll('#panel-stands td:nth-child(5)')]"
+    hall.browser.until(f"innerWidth === 390 && {cells}.length === 3")
+    assert hall.browser.run(f"{cells}.every(c => c.getBoundingClientRect().right <= 390)")
+    assert hall.browser.run("document.querySelector('.bar-top').offsetHeight") <= 80
+    hall.browser.size(1440, 1000)
+
+
 def test_the_report_of_all_stands_names_the_stand_of_each_alarm(hall: HallSession) -> None:
     browser = hall.browser
     hall.stands["bay_3"].take(replace(LAST, detected_stamp_ns=START + 3))

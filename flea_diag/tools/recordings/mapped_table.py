@@ -100,9 +100,10 @@ def _of_rows(
         stamps = time.start_ns + np.arange(count, dtype=np.int64) * mapping.row_period_ns
         yield _of_stamped(where, name, part, stamps, mapping)
         return
-    seconds = part[time.column] * time.factor
+    column = part[time.column] - time.zero
+    seconds = column * time.factor
     order = row_order(where, time.column, seconds, part)
-    stamps = _stamps(where, part[time.column], order.seconds - seconds, mapping)
+    stamps = _stamps(where, column, order.seconds - seconds, mapping)
     said = tuple(f"{where}: {note}" for note in order.notes)
     for number, rows in enumerate(order.parts, 1):
         several = len(order.parts) > 1

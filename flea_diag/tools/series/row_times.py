@@ -13,10 +13,12 @@ import numpy as np
 from flea_diag.errors import RecordingError
 from flea_diag.tools.series.recorded_series import RecordedSeries, Series
 from flea_diag.tools.tables.row_order import RowOrder, row_order
+from flea_diag.wire.sources.mapping import DATENUM, DATENUM_OF_1970
 
 WORDS = frozenset({
     "time", "times", "stamp", "timestamp", "t", "sec", "secs", "seconds", "clock", "elapsed",
-    "zeit", "uhrzeit", "zeitstempel", "datetime", "date", "datum", "millis", "micros", "tick",
+    "zeit", "uhrzeit", "zeitstempel", "datenum", "datetime", "date", "datum", "millis", "micros",
+    "tick",
     "ticks", "tiempo", "ts",
 })  # fmt: skip
 SECONDS = {
@@ -25,6 +27,7 @@ SECONDS = {
     "us": 1e-6, "usec": 1e-6, "micros": 1e-6, "µs": 1e-6, "microseconds": 1e-6,
     "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
     "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0, "d": 86400.0, "days": 86400.0,
+    DATENUM: 86400.0,
 }  # fmt: skip
 """Word -> seconds."""
 SHORT = {
@@ -44,6 +47,10 @@ EPOCH_S = 1e8
 """Seconds since 1970 above which a time is one of day (1973)."""
 EXCEL_D = (25569.0, 80000.0)
 """Days since 1899-12-30 that a sheet holds for 1970 to 2119."""
+SHORTEST_DAY = 1e-4
+"""Days between two readings below which a column may be one of days: 9 s."""
+DATENUM_D = (DATENUM_OF_1970, DATENUM_OF_1970 + 54_000.0)
+"""Days since the year 0 that MATLAB holds for 1970 to 2117."""
 EXCEL_START = "1899-12-30T00:00:00Z"
 MOST_KEYS = 3
 MOST_CONSTANT = 20
@@ -95,7 +102,7 @@ def row_times(recorded: RecordedSeries, rate_hz: float | None) -> RowTimes:
     if column is None or (rate_hz is not None and not column.changes):
         return _even(recorded, rate_hz)
     unit = "s" if column.is_moment else _unit(column)
-    seconds = column.values * SECONDS[unit]
+    seconds = (column.values - (DATENUM_OF_1970 if unit == DATENUM else 0.0)) * SECONDS[unit]
     values = {each.words: each.values for each in recorded.series if each is not column}
     order = row_order(str(recorded.path), column.words, seconds, values)
     others = [each for each in recorded.series if each is not column]
@@ -178,16 +185,19 @@ def _unit(series: Series) -> str:
     """Unit of a time: by its name, or by what gives 1 to 1000 readings a second."""
     words = re.findall(r"[a-zµ]+", f"{series.words} {series.unit}".lower())
     said = next((word for word in reversed(words) if word in SECONDS), "")
-    if said:
-        return SHORT[SECONDS[said]]
     finite = series.values[np.isfinite(series.values)]
     largest = float(np.abs(finite).max())
+    steps = np.diff(np.unique(finite))
+    step = float(np.median(steps)) if len(steps) else 1.0
+    of_days = SECONDS.get(said, 86400.0) == 86400.0 and step < SHORTEST_DAY
+    if of_days and DATENUM_D[0] < largest < DATENUM_D[1]:
+        return DATENUM
+    if said:
+        return SHORT[SECONDS[said]]
     for factor in (1e-9, 1e-6, 1e-3, 1.0):
         if EPOCH_S < largest * factor < 50.0 * EPOCH_S:
             return SHORT[factor]
-    steps = np.diff(np.unique(finite))
-    step = float(np.median(steps)) if len(steps) else 1.0
-    if EXCEL_D[0] < largest < EXCEL_D[1] and step < 1e-4:
+    if EXCEL_D[0] < largest < EXCEL_D[1] and step < SHORTEST_DAY:
         return "d"
     return next(u for u, f in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", math.inf)) if step <= f)
 

@@ -49,7 +49,8 @@ QUANTITIES: dict[str, str] = {
          "energy", "percentage", "charge", "capacity", "humidity", "count", "counter", "index",
          "id", "accelerations", "qdd", "ddq", "tcp", "pose", "cartesian", "imu", "gyro",
          "orientation", "quaternion", "quat", "qw", "qx", "qy", "qz", "timestep", "timestamp",
-         "duty", "pwm", "odom", "battery", "cartesian", "jerk", "gps", "feedrate"),
+         "duty", "pwm", "odom", "battery", "cartesian", "jerk", "gps", "feedrate", "accuracy",
+         "variance", "covariance", "innov", "innovation", "innovations", "cpuload", "cpu", "ram"),
         OTHER,
     ),
 }  # fmt: skip

@@ -271,9 +271,10 @@ def _range(each: ChosenChannel, unit: str, factor: float, one_way: bool) -> tupl
     if each.si_unit == "degC":
         return min(ROOM_DEGC[0], round(low) - 20.0), max(ROOM_DEGC[1], round(high) + 50.0)
     if each.si_unit in ("m", "rad"):
-        margin = TRAVEL_MARGIN * (high - low)
+        # What stands still in this recording moves in others.
+        margin = TRAVEL_MARGIN * (high - low) or RANGE_FACTOR * abs(high) or 1.0
         return _rounded(low - margin, -1), _rounded(high + margin, 1)
-    most = RANGE_FACTOR * max(abs(low), abs(high))
+    most = RANGE_FACTOR * max(abs(low), abs(high)) or 1.0
     if one_way:
         return _rounded(-0.4 * most, -1), _rounded(2.0 * most, 1)
     return _rounded(-most, -1), _rounded(most, 1)

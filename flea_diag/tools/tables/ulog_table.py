@@ -39,7 +39,7 @@ def ulog(
         f"{data.name}_{data.multi_id}/{name}": (data.data["timestamp"], values)
         for data in log.data_list
         for name, values in data.data.items()
-        if not name.startswith(_PADDING) and values.dtype.kind in "fiu"
+        if name not in _flags(data) and not name.startswith(_PADDING) and values.dtype.kind in "fiu"
     }
     if wanted is None:
         changing = [n for n, (_, values) in fields.items() if np.ptp(values) > 0]
@@ -48,6 +48,11 @@ def ulog(
         places(path, wanted, [TIME, *fields])
         names, texts = [name for name in wanted if name != TIME], []
     return _merged(path, {name: fields[name] for name in names}, tuple(texts))
+
+
+def _flags(data: Any) -> frozenset[str]:
+    """Fields that say yes or no: pyulog reads them as numbers."""
+    return frozenset(each.field_name for each in data.field_data if each.type_str == "bool")
 
 
 def _merged(path: Path, fields: dict[str, Any], texts: tuple[str, ...]) -> ColumnTable:

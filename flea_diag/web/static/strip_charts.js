@@ -2,7 +2,7 @@
 // dashed, detections and marks as lines across. All charts share one view, one cursor and one clock.
 import uPlot from "uplot";
 
-const FINE_S = 60, KEPT_S = 600, DRAW_MS = 300, MANY = 20, BEHIND_S = 0.25, LATELY_MS = 60000;
+const FINE_S = 60, KEPT_S = 600, DRAW_MS = 300, MANY = 20, MANY_TURNS = 3, BEHIND_S = 0.25, LATELY_MS = 60000;
 // In view, the same for all charts: a span that follows the clock, or a stretch that is held.
 const flea = { seconds: 30, held: null, blocks: new Set() };
 const utc = (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC");
@@ -226,7 +226,7 @@ export default {
       if (this.theme !== themed()) { this.theme = themed(); this.colours = colours(); }
       const view = flea.held ?? this.now(), seen = this.charts.filter((chart) => chart.seen);
       // Many at a time are drawn less often: together they stay below a seventh of a core.
-      if (!anyhow && seen.length > MANY && ++this.turn % 2) return;
+      if (!anyhow && seen.length > MANY && ++this.turn % MANY_TURNS) return;
       // One width for all: asking each between two drawings would lay out the page for each.
       const width = seen.length ? seen[0].place.clientWidth : 0;
       if (width) for (const chart of seen) chart.draw(view, this.colours, width);

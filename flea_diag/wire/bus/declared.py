@@ -38,6 +38,13 @@ class Common:
         "configure and activate at the start; false: wait for ~/change_state",
         read_only=True,
     )
+    bond_heartbeat_period: float = parameter(
+        0.0,
+        "of the bond with a manager of life cycles, as nav2 has one; 0: none (needs package bond)",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+    )
 
 
 class Declared(Generic[P]):

@@ -16,6 +16,7 @@ from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.wire.bus import life_cycle as states
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.life_cycle import LifeCycle
+from flea_diag.wire.bus.remote.manager_bond import ManagerBond
 from flea_diag.wire.bus.screen import Foreground
 from flea_diag.wire.bus.surroundings import LOOK_S as LOOK_AROUND_S
 from flea_diag.wire.bus.surroundings import Surroundings
@@ -48,9 +49,23 @@ class Managed:
         A ``LifecycleNode`` of rclpy.
     value
         Returns the present parameters.
+    bond_s
+        Period of the heartbeat to a manager of life cycles; 0: none.
+
+    Raises
+    ------
+    ConfigurationError
+        A bond is asked for, and its package is not installed.
     """
 
-    def __init__(self, program: Any, bus: Bus[Any], node: Any, value: Callable[[], Any]) -> None:
+    def __init__(
+        self,
+        program: Any,
+        bus: Bus[Any],
+        node: Any,
+        value: Callable[[], Any],
+        bond_s: float = 0.0,
+    ) -> None:
         self._program, self._bus, self._node, self._value = program, bus, node, value
         self._close: Callable[[], None] | None = None
         self.on_open: Callable[[], None] = lambda: None
@@ -66,6 +81,9 @@ class Managed:
         bus.always(REPORT_S, self._report)
         around = Surroundings(node, bus.caution, lambda: bus.working, bus.own_stamps)
         bus.always(LOOK_AROUND_S, around.look)
+        self._bond = ManagerBond(node, bond_s) if bond_s else None
+        if self._bond is not None:
+            bus.always(bond_s, self._bond.beat)
         self._begun_s = self._told_s = time.monotonic()
         duties = {
             states.CONFIGURE: self._configure,
@@ -217,6 +235,8 @@ class Managed:
 
     def _entered(self, state: str) -> None:
         self._bus.state = state
+        if self._bond is not None:
+            self._bond.enter(state)
         self._report(also_active=True)
         if state == states.ACTIVE:
             for stream in tuple(self._bus.streams.values()):

@@ -176,7 +176,9 @@ def _run(program: Program, arguments: list[str]) -> int:
         finished: Any = Future()
         bus = Bus(node, executor, declared, finished)
         ending.on_signal = bus.end
-        managed = made = Managed(program, bus, node, lambda: declared.value)
+        managed = made = Managed(
+            program, bus, node, lambda: declared.value, declared.common.bond_heartbeat_period
+        )
         declared.is_fixed = lambda: made.configured
         managed.on_open = lambda: setattr(ending, "patience_s", CLOSE_PATIENCE_S)
         bus.on(ACTIVATE, _spare_what_stays)

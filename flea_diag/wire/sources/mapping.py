@@ -10,6 +10,8 @@ from flea_diag.wire.records import ChannelInfo, ChannelTable
 from flea_diag.wire.sources.field_path import FieldPath
 
 HOLD, INTERPOLATE, MEAN = "hold", "interpolate", "mean"
+DATENUM, DATENUM_OF_1970 = "datenum", 719529.0
+"""Unit of MATLAB's serial dates, days since the year 0, and what they read in 1970."""
 AGE_READINGS = 3.0
 """Declared intervals for which a reading is used, unless stated."""
 RESAMPLINGS = (INTERPOLATE, HOLD, MEAN)
@@ -118,12 +120,15 @@ class AxisMapping:
 class TableTime:
     """Time of the rows of a table: a column, in seconds times ``factor``, from ``start_ns`` on.
 
-    Without a column the rows are as far apart as scans, or as readings of accelerometers.
+    ``zero`` is what the column reads at ``start_ns``; MATLAB's days begin in the year 0, and no
+    number of nanoseconds reaches there. Without a column the rows are as far apart as scans, or as
+    readings of accelerometers.
     """
 
     column: str = ""
     factor: float = 1.0
     start_ns: int = 0
+    zero: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,12 @@ def empty_scans(scans: Scans, draw: Random) -> Scans:
 
 def other_rate(scans: Scans, draw: Random) -> Scans:
     """The source samples at another rate than the calibration's."""
-    period_ns = round(1e9 / draw.choice((50.0, 80.0, 95.0, 99.0, 105.0, 120.0)))
+    return sampled(scans, draw.choice((50.0, 80.0, 95.0, 99.0, 105.0, 120.0)))
+
+
+def sampled(scans: Scans, rate_hz: float) -> Scans:
+    """The same motion at a rate."""
+    period_ns = round(1e9 / rate_hz)
     own_ns = np.array([s.stamp_ns for s in scans])
     stamps_ns = np.arange(own_ns[0], own_ns[-1], period_ns)
     readings = np.array([s.values for s in scans])

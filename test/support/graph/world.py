@@ -59,6 +59,8 @@ class World:
     full: bool = False
     """Whether the disk is."""
     programs: dict[str, Program] = field(default_factory=dict)
+    layout: tuple[Callable[..., Program], ...] = ()
+    """How the diagnosis is dealt to processes; empty: it is drawn."""
     recorders: list[Any] = field(default_factory=list)
     """Buses of all recorders so far."""
     recorder_ends_ns: list[int] = field(default_factory=list)
@@ -81,7 +83,7 @@ class World:
         self.network.heard = self._heard
         self.network.took = self._took
         draw = self.scheduler.random
-        layout = LAYOUTS[draw.randrange(len(LAYOUTS))]
+        layout = self.layout or LAYOUTS[draw.randrange(len(LAYOUTS))]
         made = [make() for make in (*layout, recorder.program)]
         self.programs = {program.name: program for program in made}
         for name in self.programs:

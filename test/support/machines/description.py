@@ -40,7 +40,7 @@ def random_description(rng: np.random.Generator) -> dict[str, Any]:
     tolerances: dict[str, Any] = {name: f"{draft.one_of(2, 5, 20)} %" for name in stated}
     if draft.predicted or any(row["kind"] == "prediction" for row in draft.residuals.values()):
         tolerances["thermal_rate_k_per_s"] = 0.03
-    return {
+    made = {
         "schema_version": 1,
         "name": "drawn",
         "scan_period_s": PERIOD_S,
@@ -64,6 +64,22 @@ def random_description(rng: np.random.Generator) -> dict[str, Any]:
         "faults": _faults(draft),
         "unread": [name for name in (*draft.sensors, *draft.inputs) if draft.may(0.07)],
     }
+    # Drawn last: what was drawn before is the same with and without.
+    return {**made, "modes": _modes(draft, moved)}
+
+
+def _modes(draft: Draft, moved: str) -> dict[str, Any]:
+    """Nothing, or a mode that a channel tells, with some of what it may do."""
+    if draft.may(0.6):
+        return {}
+    names = list(draft.residuals)
+    limit = draft.one_of({"above": 0.5}, {"below": 0.5}, {"above": 0.5, "below": 1.5}, {})
+    mode = {"channel": "mode_told", **limit, "settles_s": draft.one_of(0.0, 0.2)}
+    if draft.may(0.7):
+        mode["holds"] = draft.one_of(moved, moved, "shaft", "terminals")
+    if names and draft.may(0.3):
+        mode[draft.one_of("voids", "voids", "only")] = [draft.one_of(*names)]
+    return {"told": mode}
 
 
 def _sensors(draft: Draft, moved: str) -> None:

@@ -31,6 +31,8 @@ def write_stand(description: dict[str, Any], folder: Path, features: Path) -> No
         for name, row in (*content["sensors"].items(), *content["inputs"].items())
         if name not in unread
     }  # fmt: skip
+    for mode in content["modes"].values():
+        columns[mode["channel"]] = {"column": mode["channel"], "unit": "1", "range": [-1.0, 2.0]}
     stand = {
         "schema_version": 1, "name": "drawn", "actuator": "actuator.yaml", "faults": "faults.yaml",
         "calibration": "calibration.yaml", "features": "feature_table.yaml",
@@ -91,6 +93,9 @@ def recorded(model: Actuator, rng: np.random.Generator, scale: float = 1.0) -> d
     columns = {"t": times[: len(readings)]}
     for name, values in zip(space.outputs, readings.T, strict=True):
         columns[name] = values + model.sensors[name].noise * rng.standard_normal(len(values))
+    for mode in model.modes.values():
+        since = np.linspace(0.0, 1.0, len(readings))
+        columns[mode.channel] = ((since > 0.4) & (since < 0.6)).astype(float)
     for name in model.inputs:
         place = space.inputs.index(name) if name in space.inputs else -1
         columns[name] = driven[:, place] if place >= 0 else np.full(len(readings), 22.0)

@@ -1,0 +1,115 @@
+"""Valid messages that would mislead: the right answer to each, in a live graph and replayed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.disk.failing_disk import FailingDisk
+from support.graph.network import Network
+from support.graph.runs import Run, run_of
+from support.graph.scheduler import Scheduler
+from support.graph.world import World
+
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.nodes import diagnoser
+from flea_diag.tools.evaluate.case_run import in_blocks
+from flea_diag.tools.replay import replay
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.messages.codec import decode
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    Outcome,
+    Scan,
+)
+
+HEALTHY, JAM = 0, 2
+"""Units by what is wrong with them (``support.graph.runs``)."""
+LENGTH_S = 16.0
+BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is sent, and what may be said of it; the last verdict is ``last``."""
+
+    unit: int
+    allowed: set[Outcome]
+    last: Outcome
+    words: str = ""
+    spoilt: tuple[str, ...] = ()
+    change: Any = None
+    """Changes the scans of a run before they are sent."""
+
+
+def missing(channel: str, every: int, run: Run) -> Run:
+    """A reading of one channel is missing in each so-and-so-many scan, or in all but one of two."""
+    column = run.scans[0].channels.index(channel)
+    scans = []
+    for number, scan in enumerate(run.scans):
+        values = list(scan.values)
+        if number % every == 0:
+            values[column] = math.nan
+        scans.append(replace(scan, values=tuple(values)))
+    return replace(run, scans=tuple(scans))
+
+
+ROWS: dict[str, Row] = {
+    "one load in 33 is missing": Row(
+        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, "load_force",
+        change=partial(missing, "load_force", 33),
+    ),
+    "and the screw jams": Row(
+        JAM, BLIND, Outcome.DATA_UNUSABLE, "load_force", change=partial(missing, "load_force", 33)
+    ),
+    "a load cell at 50 Hz": Row(
+        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, "load_force",
+        change=partial(missing, "load_force", 2),
+    ),
+    "10 of 32 scans are lost": Row(
+        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("lost_regularly",)
+    ),
+}  # fmt: skip
+
+
+def world_of(row: Row, folder: Path) -> World:
+    """A graph with the diagnoser in one process, and nothing but what the row says."""
+    scheduler = Scheduler(5)
+    run = run_of(row.unit, LENGTH_S)
+    run = row.change(run) if row.change is not None else run
+    disk = FailingDisk(folder, lambda _number, _name: 0)
+    world = World(
+        5, folder, run, scheduler, Network(scheduler), disk, row.spoilt,
+        layout=(diagnoser.program,),
+    )  # fmt: skip
+    with scheduler.as_time():
+        world.start()
+        world.finish()
+    return world
+
+
+def verdicts(world: World) -> list[AmbiguityGroup]:
+    """What was said, in order."""
+    return [decode(AmbiguityGroup, data) for _, topic, data in world.said
+            if topic == "/ambiguity_group"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
+    row = ROWS[name]
+    said = verdicts(world_of(row, tmp_path))
+    assert {v.outcome for v in said} <= row.allowed, [v.words[:120] for v in said]
+    last = [v for v in said if not v.stale][-1]
+    assert last.outcome is row.last, last.words
+    assert row.words in last.words
+    records = [r for _, r in read_bag(tmp_path / "bag_0", [ChannelTable, Scan])]
+    again = [r for r in replay.diagnosed(in_blocks(records), make_pipeline(load_stand()))
+             if isinstance(r, AmbiguityGroup)]  # fmt: skip
+    assert {v.outcome for v in again} <= row.allowed
+    assert again[-1].outcome is row.last, again[-1].words
