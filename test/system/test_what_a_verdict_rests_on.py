@@ -32,6 +32,7 @@ from flea_diag.wire.records import (
 HEALTHY, JAM = 0, 2
 """Units by what is wrong with them (``support.graph.runs``)."""
 LENGTH_S = 16.0
+QUIET = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL}
 BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
 
 
@@ -44,6 +45,7 @@ class Row:
     last: Outcome
     words: str = ""
     spoilt: tuple[str, ...] = ()
+    troubles: tuple[str, ...] = ()
     change: Any = None
     """Changes the scans of a run before they are sent."""
 
@@ -58,6 +60,13 @@ def missing(channel: str, every: int, run: Run) -> Run:
             values[column] = math.nan
         scans.append(replace(scan, values=tuple(values)))
     return replace(run, scans=tuple(scans))
+
+
+def at_rate(rate_hz: float, run: Run) -> Run:
+    """Sampled at another rate."""
+    from support.graph.spoilt_source import sampled
+
+    return replace(run, scans=tuple(sampled(list(run.scans), rate_hz)))
 
 
 ROWS: dict[str, Row] = {
@@ -75,6 +84,20 @@ ROWS: dict[str, Row] = {
     "10 of 32 scans are lost": Row(
         HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("lost_regularly",)
     ),
+    "each 20th scan is empty": Row(HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("empty_scans",)),
+    **{
+        f"scans at {rate_hz:g} Hz": Row(
+            HEALTHY, {Outcome.MODEL_MISMATCH, *QUIET}, Outcome.MODEL_MISMATCH, f"{rate_hz:g} Hz",
+            change=partial(at_rate, rate_hz),
+        )
+        for rate_hz in (50.0, 80.0, 95.0, 105.0, 120.0)
+    },
+    "stamps jitter": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("jitter",)),
+    "the clock steps back": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("clock_set_back",)),
+    "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
+    "through its life cycle again": Row(
+        HEALTHY, QUIET, Outcome.NOMINAL, troubles=("configured_again",)
+    ),
 }  # fmt: skip
 
 
@@ -85,7 +108,7 @@ def world_of(row: Row, folder: Path) -> World:
     run = row.change(run) if row.change is not None else run
     disk = FailingDisk(folder, lambda _number, _name: 0)
     world = World(
-        5, folder, run, scheduler, Network(scheduler), disk, row.spoilt,
+        5, folder, run, scheduler, Network(scheduler), disk, row.spoilt, row.troubles,
         layout=(diagnoser.program,),
     )  # fmt: skip
     with scheduler.as_time():
