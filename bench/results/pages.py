@@ -98,6 +98,17 @@ PAGES = (
         ("step_0", "law_score"),
     ),
     ResultPage(
+        "evidence",
+        "One evidence beside the diagnosis",
+        "The diagnosis (`hybrid`) against one evidence by the law of healthy recordings "
+        "(`evidence`, [Method](../method.md#one-evidence-by-the-law-of-healthy-recordings)). Both "
+        "diagnose the same runs by the same calibration, without accelerometers; of two numbers "
+        "in a cell the first is of the evidence. It decides nothing of the product yet. A run is "
+        "right when the fault is detected after its onset with no alarm before it, the truth is in "
+        "the final group, and the group holds nothing but what the campaign states beforehand.",
+        ("evidence",),
+    ),
+    ResultPage(
         "performance",
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "

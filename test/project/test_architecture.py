@@ -191,6 +191,7 @@ ARROWS = {
             "run_law",
         ),
         "likelihood_ratio": ("run_law", "likelihood", "calibration", "residuals", "symbolic"),
+        "evidence": ("likelihood_ratio", "run_law"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -211,6 +212,7 @@ ARROWS = {
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
+        "evidence": ("baselines", "observer", "stream"),
     },
     "flea_diag.wire": {
         "": (),

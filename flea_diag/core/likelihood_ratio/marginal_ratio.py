@@ -87,7 +87,7 @@ def _cut(mean: Array, covariance: Array, prior: SizePrior) -> Array:
     """Log of the share within the bounds, after the data less before them."""
     sigma = np.where(prior.sigma > 0.0, prior.sigma, 1.0)
     low, high = (prior.low - prior.mean) / sigma, (prior.high - prior.mean) / sigma
-    errors = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    errors = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
     after = _share((low - mean) / errors, (high - mean) / errors)
     return np.asarray((after - _share(low, high)).sum(axis=-1))
 

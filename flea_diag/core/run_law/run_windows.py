@@ -77,6 +77,11 @@ def with_neglected(regressors: Array, effects: EffectSet, period_s: float) -> Ar
     return np.column_stack((regressors[:, : len(effects.names)], rate, drag, turn))
 
 
+def own_name(relation: str, signal: str) -> str:
+    """Name of a signal as a relation itself says that it should be."""
+    return f"{relation}: {signal}"
+
+
 def answering(
     effects: EffectSet, parameters: ActuatorParameters, relations: tuple[str, ...]
 ) -> Iterator[tuple[int, int, float]]:

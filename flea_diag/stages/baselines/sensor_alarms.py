@@ -44,8 +44,9 @@ class SensorAlarms:
         """Channels and tests."""
         return ", ".join(f"{channel}: {test}{sign}" for (channel, test), sign in self._seen.items())
 
-    def take(self, block: ResidualBlock, scans: slice) -> None:
-        """Look at some scans of a block."""
+    def take(self, block: ResidualBlock, scans: slice) -> int:
+        """Look at some scans of a block: the first of the block beyond a limit, or its length."""
+        first = len(block)
         z, limits = block.z[scans], block.thresholds[scans]
         beyond = np.abs(z) > limits
         for column in np.flatnonzero(beyond.any(axis=0)).tolist():
@@ -53,8 +54,10 @@ class SensorAlarms:
             if name in self._tests:
                 channel, _, test = name.rpartition("_")
                 key = (channel, test) if test in OWN_TESTS else (name, STEP)
-                value = z[int(beyond[:, column].argmax()), column]
+                at = int(beyond[:, column].argmax())
+                first, value = min(first, scans.start + at), z[at, column]
                 self._seen.setdefault(key, "+" if value > 0.0 else "-")
+        return first
 
     def allowed(self) -> tuple[str, ...]:
         """Faults that fit what has responded, all of it if any does."""

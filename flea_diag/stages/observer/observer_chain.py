@@ -7,6 +7,8 @@ Order of the stream (``stream_order``), usable readings (``channels``), change o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
@@ -15,6 +17,7 @@ from flea_diag.core.sensors.unit_change import UnitChange
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.observer.regressor_table import Answer
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.stream.stream_order import StreamOrder
@@ -26,9 +29,11 @@ class ObserverChain:
     """All state of the observer that a scan changes; a deep copy of it is a checkpoint."""
 
     def __init__(
-        self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters
-    ) -> None:
+        self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters,
+        answers: Sequence[Answer] = (),
+    ) -> None:  # fmt: skip
         self._calibration = calibration
+        self._answers = answers
         self._effects = effects
         self._parameters = parameters
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
@@ -56,7 +61,9 @@ class ObserverChain:
         estimate = StateEstimate(
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
         )
-        self.stream = ResidualStream(c, self._effects, estimate, p.warm_up_s, p.observer_backend)
+        self.stream = ResidualStream(
+            c, self._effects, estimate, p.warm_up_s, p.observer_backend, self._answers
+        )
         self.episode.forget()
         self._unit.forget()
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,20 +14,61 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.symbolic.expression import FUNCTIONS
+from flea_diag.core.run_law.run_windows import answering, own_name
+from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 MOTION_NAMES = ("speed_m_s", "moving")
 """The last columns: speed at the nut, and 1 where it moves or is stalled."""
 
 
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A signal that a relation answers by: what the rest of it says takes the place of the reading.
+
+    ``column`` of the residual, ``signal`` and its ``gain`` there; ``places`` of the basis signals
+    that hold it, ``names`` of what they become.
+    """
+
+    column: int
+    signal: int
+    gain: float
+    places: Places
+    names: tuple[str, ...]
+
+
+def answers_of(
+    effects: EffectSet, parameters: ActuatorParameters, relations: Sequence[str]
+) -> tuple[Answer, ...]:
+    """Answers of these relations, for the columns that the law of a recording takes."""
+    return tuple(_answers(effects, parameters, tuple(relations)))
+
+
+def _answers(
+    effects: EffectSet, parameters: ActuatorParameters, relations: tuple[str, ...]
+) -> Iterator[Answer]:
+    rows, signals = effects.residuals, effects.relations.signals
+    for place, signal, gain in answering(effects, parameters, relations):
+        holds = {signals[signal]}
+        holds |= {n for n, shape in effects.shapes.items() if holds & set(symbols(shape.argument))}
+        places = [k for k, entry in enumerate(effects.basis) if holds & set(symbols(entry))]
+        names = tuple(own_name(relations[place], effects.names[k]) for k in places)
+        column = rows.columns([relations[place]])[0]
+        yield Answer(column, signal, gain, np.array(places, dtype=np.intp), names)
+
+
 class RegressorTable:
     """Basis signals of one unit, whose parameters change once its offsets are learned."""
 
-    def __init__(self, effects: EffectSet, parameters: ActuatorParameters) -> None:
+    def __init__(
+        self, effects: EffectSet, parameters: ActuatorParameters, answers: Sequence[Answer] = ()
+    ) -> None:
         jumps = tuple(f"jump_{name}" for name in effects.readings)
-        self.names = (*effects.names, *jumps, *MOTION_NAMES)
+        own = tuple(name for answer in answers for name in answer.names)
+        self.names = (*effects.names, *jumps, *own, *MOTION_NAMES)
+        self._answers = tuple(answers)
         self.jumps = slice(len(effects.names), len(effects.names) + len(jumps))
         """Columns that are left to be filled: how far each reading has just gone."""
         self._left = (math.nan,) * len(jumps)
@@ -49,14 +92,29 @@ class RegressorTable:
         if len(rows) == 1:
             x = residuals.signals[0].tolist() + told[0].tolist()
             speed, way = residuals.motion[0].tolist()
-            found = (*self._basis(x, way), *self._left, speed, float(residuals.moving[0]))
+            own = self._answered(x, way, residuals)
+            found = (*self._basis(x, way), *self._left, *own, speed, float(residuals.moving[0]))
             return np.array((found,))
         x = [*residuals.signals.T, *told.T]
+        own = self._answered(x, residuals.motion[:, 1], residuals)
         table = np.empty((len(rows), len(self.names)))
         for number, column in enumerate(self._basis(x, residuals.motion[:, 1])):
             table[:, number] = column
+        for number, column in enumerate(own, start=self.jumps.stop):
+            table[:, number] = column
         table[:, -2], table[:, -1] = residuals.speed_m_s, residuals.moving
         return table
+
+    def _answered(self, x: list[Any], way: Any, residuals: ResidualRows) -> list[Any]:
+        """Basis signals by what the rest of a relation says of the signal that it answers by."""
+        found: list[Any] = []
+        for answer in self._answers:
+            told = list(x)
+            apart = np.nan_to_num(residuals.values[:, answer.column]) / answer.gain
+            told[answer.signal] = told[answer.signal] - (apart if len(apart) > 1 else apart[0])
+            every = self._basis(told, way)
+            found += [every[place] for place in answer.places]
+        return found
 
     def _basis(self, x: list[Any], way: Any) -> tuple[Any, ...]:
         """Basis signals: numbers of one scan, or columns of many; ``way`` is the direction."""

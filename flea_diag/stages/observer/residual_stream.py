@@ -5,7 +5,7 @@ Each step is a file of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from flea_diag.stages.judgement.ledger import JudgementLedger
 from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.mode_watch import ModeWatch
-from flea_diag.stages.observer.regressor_table import RegressorTable
+from flea_diag.stages.observer.regressor_table import Answer, RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
@@ -71,6 +71,7 @@ class ResidualStream:
         estimate: StateEstimate,
         warm_up_s: float,
         backend: str,
+        answers: Sequence[Answer] = (),
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns
@@ -102,7 +103,7 @@ class ResidualStream:
             else None
         )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s)
-        self._regressors = RegressorTable(effects, c.parameters)
+        self._regressors = RegressorTable(effects, c.parameters, answers)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)
         self._tests = ResidualTests(relations, c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()

@@ -155,10 +155,10 @@ class RecordingSet:
                 f"{self._campaign.name}: half {fold} has {len(half)} nominal recordings, each half "
                 "needs at least 2: name more, or give a calibration file"
             )
-        described = load_stand(self._campaign.stand_path()).actuator
-        known = compiled_relations(described).residuals
+        stand = load_stand(self._campaign.stand_path())
+        known = compiled_relations(stand.actuator).residuals
         recordings, _ = read_nominal([run.bag for run in half], known)
-        made = calibrate(recordings, described, FALSE_ALARMS_PER_HOUR)
+        made = calibrate(recordings, stand.actuator, FALSE_ALARMS_PER_HOUR, faults=stand.faults)
         write_calibration(self._file_of(fold), made)
 
 

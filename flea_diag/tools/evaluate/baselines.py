@@ -132,6 +132,12 @@ def _likelihood_ratio(setting: Setting) -> Stage:
     return WithoutVibration(ratio_baseline(setting.stand, setting.nominal).stage())
 
 
+def _evidence(setting: Setting) -> Stage:
+    from flea_diag.tools.evaluate.evidence import evidence_stand
+
+    return WithoutVibration(evidence_stand(setting.stand, setting.nominal).stage())
+
+
 def _classifier(setting: Setting) -> Stage:
     from flea_diag.stages.baselines.feature_classifier import FeatureClassifierStage
     from flea_diag.tools.features.classifier import read_classifier
@@ -181,6 +187,11 @@ BASELINES: dict[str, Baseline] = {
             "likelihood_ratio",
             "the largest marginal likelihood ratio over faults and onsets, and tests of sensors",
             _likelihood_ratio,
+        ),
+        Baseline(
+            "evidence",
+            "one evidence by the law of healthy recordings, and tests of sensors",
+            _evidence,
         ),
         Baseline(CLASSIFIER, "all vibration features into a network, no model", _classifier),
     )

@@ -34,8 +34,13 @@ examples:
   flea replay bags/run --calibration cal.yaml --json -
   flea replay bags/run --stand ./mine               on a stand of your own
   flea replay bags/* --json results/ -q -j 4        write one JSON file per bag, 4 processes
+  flea replay bags/jam --calibration mine.yaml --configuration evidence
   flea replay s3://bucket/run https://host/bags/run --dask tcp://host:8786
 """
+
+
+PRODUCT, EVIDENCE = "hybrid", "evidence"
+"""Configurations, as in a campaign."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "folder OUT/",
     )
     parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
+    parser.add_argument(
+        "--configuration",
+        choices=(PRODUCT, EVIDENCE),
+        default=PRODUCT,
+        help="hybrid: the whole method; evidence: one evidence by the law of the calibration, "
+        "without accelerometers, beside it for comparison (default: %(default)s)",
+    )
     add_jobs(parser)
     add_cluster(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the verdict")
@@ -70,7 +82,9 @@ def run(arguments: argparse.Namespace) -> int:
     summaries: list[dict[str, Any]] = []
     bags, began_s = arguments.bags, time.monotonic()
     read = [bag.absolute() for bag in bags] if arguments.dask else bags
-    work = partial(_replayed, stand=stand, namespace=arguments.namespace)
+    work = partial(
+        _replayed, stand=stand, namespace=arguments.namespace, by=arguments.configuration
+    )
     progress(1, len(bags), bags[0].name)
     summed = in_order(work, read, arguments.jobs, arguments.dask)
     for number, summary in enumerate(summed, 2):
@@ -87,11 +101,21 @@ def run(arguments: argparse.Namespace) -> int:
     return _status(summaries, len(bags) - len(summaries), len(bags))
 
 
-def _replayed(bag: Path | BagUrl, stand: Stand, namespace: str | None) -> dict[str, Any] | Refused:
-    """Summary of a bag; a wrong calibration is refused before any bag is read."""
+def _pipeline(stand: Stand, by: str) -> Pipeline:
+    if by == EVIDENCE:
+        from flea_diag.configuration.evidence import evidence_of
+
+        return evidence_of(stand).stage()
     from flea_diag.configuration.component import make_pipeline
 
-    pipeline = make_pipeline(stand)
+    return make_pipeline(stand)
+
+
+def _replayed(
+    bag: Path | BagUrl, stand: Stand, namespace: str | None, by: str = PRODUCT
+) -> dict[str, Any] | Refused:
+    """Summary of a bag; a wrong calibration is refused before any bag is read."""
+    pipeline = _pipeline(stand, by)
 
     def replayed() -> dict[str, Any]:
         with local(bag) as place:

@@ -6,6 +6,8 @@ Nothing is learned of the unit, and predicted temperatures are never corrected.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
@@ -14,6 +16,7 @@ from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.channels import ChannelReadings
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.observer.regressor_table import Answer
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.stages.observer.state_estimate import NONE
@@ -43,9 +46,11 @@ class ResidualSource:
     consumes: tuple[type, ...] = (ChannelTable, Scan)
     takes_blocks = True
 
-    def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
+    def __init__(
+        self, calibration: Calibration, effects: EffectSet, answers: Sequence[Answer] = ()
+    ) -> None:
         parameters = ObserverParameters(warm_up_s=0.0, state_observer=NONE)
-        self._chain: ObserverChain = UntestedChain(calibration, effects, parameters)
+        self._chain: ObserverChain = UntestedChain(calibration, effects, parameters, answers)
         self._replay = BlockReplay()
         names = self._chain.stream.regressor_names
         self._records = ResidualRecords(effects.residuals, calibration, names)

@@ -1,0 +1,193 @@
+"""Evidence on a fault from one onset: the recent windows once more, without those about the onset.
+
+These hold part of the fault, smoothed: to no model do they look like it. Where even the model that
+fits a residual best leaves more than noise, the variance of this residual is scaled by as much
+since the onset (quasi-likelihood).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.onset_bank import ONSET_WINDOWS
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.evidence.white_stream import WhiteStream, standardised, weight_of
+from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio, posterior_mean
+from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.core.run_law.whitening import WhiteSignals
+
+Array = npt.NDArray[np.float64]
+
+KEPT_S = 60.0
+"""History that is weighed once more after a detection."""
+
+
+class WindowHistory:
+    """The windows of the last ``KEPT_S``, and the number of the first of them."""
+
+    def __init__(self) -> None:
+        self.windows: deque[LawWindow] = deque(maxlen=round(KEPT_S / WINDOW_S))
+        self.taken = 0
+
+    def add(self, window: LawWindow) -> None:
+        """Take one window."""
+        self.windows.append(window)
+        self.taken += 1
+
+    def since(self, number: int) -> list[LawWindow]:
+        """Windows from this number on, as far as they are kept."""
+        first = self.taken - len(self.windows)
+        return list(self.windows)[max(number - first, 0) :]
+
+
+class OnsetWeighed(NamedTuple):
+    """Log evidence, nats.
+
+    Attributes
+    ----------
+    alone
+        Of every model over nothing, shape (models,).
+    with_unit
+        Of every model with another unit over another unit, shape (models,).
+    unit
+        Of another unit over nothing.
+    healthy, healthy_unit
+        Of what healthy recordings feign of every model, over nothing and over another unit.
+    """
+
+    alone: Array
+    with_unit: Array
+    unit: float
+    healthy: Array
+    healthy_unit: Array
+
+    @property
+    def every(self) -> Array:
+        """Of every model over nothing, whether it came alone or with another unit."""
+        return np.asarray(np.logaddexp(self.alone, self.unit + self.with_unit) - math.log(2.0))
+
+
+class FaultEvidence:
+    """Sums of white residuals, of what another unit and what faults add from one onset on.
+
+    A fault comes alone, or with another unit: that control went over to a faulty one is as likely.
+    Sums since the onset are kept by relation. ``onset`` is a number of these windows,
+    ``since_start`` how many the stream had before them.
+    """
+
+    def __init__(
+        self, hypotheses: Hypotheses, onset: int, windows: Iterable[LawWindow] = (),
+        since_start: int = 0,
+    ) -> None:  # fmt: skip
+        self._h, self._onset = hypotheses, onset
+        models, sizes = hypotheses.signatures.shape
+        relations, self._alone = len(hypotheses.noise.white), 1 + hypotheses.root.shape[1]
+        own = self._alone + hypotheses.unit.shape[1]
+        self._stream = WhiteStream(hypotheses, since_start)
+        self._later = WhiteSignals((relations, models * sizes + own - self._alone))
+        self._before = np.zeros((own, own))
+        self._own = np.zeros((relations, own, own))
+        self._gram = np.zeros((relations, models, sizes, sizes))
+        self._cross = np.zeros((relations, models, sizes, own))
+        self._count = np.zeros(relations)
+        for window in windows:
+            self.add(window)
+
+    def add(self, window: LawWindow) -> None:
+        """Take one window."""
+        since = self._stream.windows - self._onset
+        smoothed = self._onset > 0 and -1 <= since < ONSET_WINDOWS
+        white = self._stream.step(window, counts=not smoothed)
+        effect = white.faults + (since + 0.5) * WINDOW_S * white.growing
+        both = np.concatenate((effect, white.unit), axis=-1) * (since >= 0)
+        later = self._later.step(both, white.gain) * white.scale
+        count = effect.shape[-1]
+        phi = later[:, :count].reshape(len(later), *self._h.signatures.shape)
+        if since < 0:
+            rows = white.own * weight_of(white.errors)
+            self._stream.count(rows, 1.0)
+            self._before[: self._alone, : self._alone] += rows.T @ rows
+            return
+        self._count += np.isfinite(white.errors)
+        own = np.concatenate((white.own, later[:, count:]), axis=-1)
+        self._take(own, phi, weight_of(self._errors(own, phi)))
+
+    def _take(self, own: Array, phi: Array, weight: Array) -> None:
+        """Add the products of one window since the onset."""
+        own, phi = own * weight, phi * weight[..., None]
+        self._own += own[:, :, None] * own[:, None, :]
+        self._gram += phi[..., :, None] * phi[..., None, :]
+        self._cross += phi[..., None] * own[:, None, None, :]
+
+    def _errors(self, own: Array, phi: Array) -> Array:
+        """Errors of prediction by the best model so far, with another unit, (relations,)."""
+        sums, prior = self._sums(np.ones(len(own)), self._own.shape[-1]), self._h.signatures.prior
+        best = int(marginal_ratio(sums, prior).argmax())
+        sigma, cross = np.maximum(prior.sigma[best], 1e-12), sums.cross[best]
+        A = np.block([
+            [sums.gram[best] + np.diag(sigma**-2), cross[:, 1:]],
+            [cross[:, 1:].T, sums.own[1:, 1:] + np.eye(len(sums.own) - 1)],
+        ])  # fmt: skip
+        b = np.concatenate((cross[:, 0] + prior.mean[best] / sigma**2, sums.own[1:, 0]))
+        covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
+        rows = np.column_stack((own[:, 0], phi[:, best], own[:, 1:]))
+        return standardised(rows, covariance @ b, covariance)
+
+    @property
+    def windows(self) -> float:
+        """Windows that count since the onset."""
+        return float(self._count.max(initial=0.0))
+
+    def weighed(self) -> OnsetWeighed:
+        """Evidence of every model and of another unit."""
+        scale = 1.0 / np.maximum(self.misfit(), 1.0)
+        alone, both = self._sums(scale, self._alone), self._sums(scale, self._own.shape[-1])
+        unit = other_unit(both.own, self._alone)
+        found = [self._h.evidence(sums) for sums in (alone, both)]
+        return OnsetWeighed(*found, unit, *(self._h.of_healthy(sums) for sums in (alone, both)))
+
+    def sizes(self) -> Array:
+        """Mean of the sizes of every model, shape (models, sizes)."""
+        return posterior_mean(self._every(self._alone), self._h.signatures.prior)[0]
+
+    def misfit(self) -> Array:
+        """Mean square that the best model leaves in each relation, shape (relations,)."""
+        left = [self._left(count).min(axis=1) for count in (self._alone, self._own.shape[-1])]
+        return np.asarray(np.minimum(*left))
+
+    def _left(self, count: int) -> Array:
+        sums = self._every(count)
+        theta, eta = posterior_mean(sums, self._h.signatures.prior)
+        whole = np.concatenate((np.ones((len(eta), 1)), -eta), axis=1)
+        square = np.einsum("mi,rij,mj->rm", whole, self._own[:, :count, :count], whole)
+        square -= 2.0 * np.einsum("ma,rmaj,mj->rm", theta, self._cross[..., :count], whole)
+        square += np.einsum("ma,rmab,mb->rm", theta, self._gram, theta)
+        return np.asarray(square / np.maximum(self._count, 1.0)[:, None])
+
+    def _every(self, count: int) -> Sums:
+        return self._sums(np.ones(len(self._own)), count)
+
+    def _sums(self, scale: Array, count: int) -> Sums:
+        """Sums over all relations, each by what its misfit makes of its variance."""
+        return Sums(
+            np.einsum("r,rmab->mab", scale, self._gram),
+            np.einsum("r,rmaj->maj", scale, self._cross[..., :count]),
+            self._before[:count, :count]
+            + np.einsum("r,rij->ij", scale, self._own[:, :count, :count]),
+        )
+
+
+def other_unit(own: Array, alone: int) -> float:
+    """Log evidence of the columns behind the first ``alone`` over none of them, nats."""
+    whole, first = (own[1:n, 1:n] + np.eye(n - 1) for n in (len(own), alone))
+    gains = [own[1 : len(m) + 1, 0] @ np.linalg.solve(m, own[1 : len(m) + 1, 0])
+             for m in (whole, first)]  # fmt: skip
+    dets = [np.linalg.slogdet(m)[1] for m in (whole, first)]
+    return float(0.5 * (gains[0] - gains[1] - dets[0] + dets[1]))

@@ -1,0 +1,148 @@
+"""What a stream may differ by, and what faults add to it, as columns for one window.
+
+Under no fault y = Psi (mean + root eta) + e, eta ~ N(0, 1): what this recording differs by, and
+how well the law knows its own means. Another unit adds Psi_unit u, a fault Phi theta, each from
+its onset on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures, SizePrior
+from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio
+from flea_diag.core.run_law.law_columns import FREE, NEGLECTED, LawColumns
+from flea_diag.core.run_law.law_noise import BOUND, LawNoise
+from flea_diag.core.run_law.run_law import RunLaw
+from flea_diag.core.run_law.run_windows import WINDOW_S
+
+Array = npt.NDArray[np.float64]
+
+WIDE = 10.0
+"""Standard deviation of a size without a bound, in sizes that half of the recordings show."""
+OTHER_UNIT_K = 5.0
+"""How much warmer or colder a part of another unit may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """Of one stand, in the noise of its law.
+
+    Attributes
+    ----------
+    mean
+        Of the columns, shape (columns,).
+    root
+        What this recording differs by for each of eta, shape (columns, columns).
+    unit
+        Columns that another unit has anew, and by how much, shape (columns, differences).
+    feigned
+        Sizes that healthy recordings feign.
+    memory_s
+        Time in which what is known of a stream fades to 1/e.
+    """
+
+    signatures: FaultSignatures
+    columns: LawColumns
+    noise: LawNoise
+    mean: Array
+    root: Array
+    unit: Array
+    feigned: SizePrior
+    memory_s: float
+
+    @classmethod
+    def of(
+        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, another: bool = False
+    ) -> Hypotheses:
+        """By a law; ``another``: of a unit that it was not learned from."""
+        spread = law.spread(another)
+        variance = unit_variance(law, columns)
+        total = np.diag(spread.variance + (variance if another else 0.0)) + spread.covariance
+        total += np.diag(np.maximum(session_variance(columns) - np.diag(total), 0.0))
+        values, vectors = np.linalg.eigh(total)
+        acts = np.flatnonzero(variance > 0.0)
+        unit = np.zeros((len(variance), len(acts)))
+        unit[acts, np.arange(len(acts))] = np.sqrt(variance[acts])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return cls(
+            signatures, columns, law.law_noise, spread.mean, root, unit, _feigned(law, signatures),
+            law.time_constant_s,
+        )  # fmt: skip
+
+    def evidence(self, sums: Sums) -> Array:
+        """Log evidence of every model over nothing, nats, shape (..., models)."""
+        return marginal_ratio(sums, self.signatures.prior)
+
+    def of_healthy(self, sums: Sums) -> Array:
+        """The same of sizes that healthy recordings feign, at least that of nothing."""
+        return np.maximum(marginal_ratio(sums, self.feigned), 0.0)
+
+    def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
+        """What one unit of each size adds, and for each second, shape (relations, sizes).
+
+        A signal that a relation answers by carries its noise, so what the relation says takes its
+        place; but what of its residual is no noise, a fault has done to the signal.
+
+        Parameters
+        ----------
+        errors
+            Of prediction under no fault, in standard deviations of a window, shape (relations,).
+        """
+        far = np.maximum(np.abs(errors), BOUND)
+        share = (1.0 - BOUND / far)[:, None]
+        return self.signatures.signals(window.signals + share * (window.read - window.signals))
+
+    def own(self, window: LawWindow, number: int) -> tuple[Array, Array, Array]:
+        """What is left beside the mean (relations,), Psi root, and Psi_unit.
+
+        ``number`` of the window since the start of the stream: since then its parts heat up.
+        """
+        psi = np.einsum("rs,rsc->rc", window.signals, self.columns.design)
+        psi = psi + (number + 0.5) * WINDOW_S * self.columns.design[:, self.columns.elapsed]
+        return window.values - psi @ self.mean, psi @ self.root, psi @ self.unit
+
+
+def reaching(signatures: FaultSignatures, law: RunLaw) -> FaultSignatures:
+    """The same, sizes without a bound reaching ``WIDE`` times what half of recordings show."""
+    shown = {(row.fault, row.size): row.onset for row in law.visible}
+    reach = np.ones(signatures.shape)
+    for k, model in enumerate(signatures.models):
+        for i, size in enumerate(model.sizes):
+            onset = shown.get((model.fault, size.name), math.inf)
+            reach[k, i] = WIDE * onset if math.isfinite(onset) else 1.0
+    return replace(signatures, reach=reach)
+
+
+def _feigned(law: RunLaw, signatures: FaultSignatures) -> SizePrior:
+    """Sizes of every model that healthy recordings feign."""
+    known = {(row.fault, row.size): (row.mean, row.sigma) for row in law.feigned}
+    rows = np.zeros((2, *signatures.shape))
+    for k, model in enumerate(signatures.models):
+        for i, size in enumerate(model.sizes):
+            rows[:, k, i] = known.get((model.fault, size.name), (0.0, 0.0))
+    free = np.full(signatures.shape, np.inf)
+    return SizePrior(rows[0], rows[1], -free, free)
+
+
+def session_variance(columns: LawColumns) -> Array:
+    """What is free in each run, by its tolerance: the recordings may be of one session."""
+    return np.array([c.tolerance**2 if c.kind == FREE else 0.0 for c in columns.columns])
+
+
+def unit_variance(law: RunLaw, columns: LawColumns) -> Array:
+    """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts.
+
+    Its sensors are other ones, on other channels: their zeros differ by the tolerance of the
+    description, whatever units on one channel have shown.
+    """
+    warm = [
+        OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
+        for t in law.terms
+    ]
+    return np.maximum(law.unit_variance, np.maximum(session_variance(columns), warm))

@@ -1,0 +1,105 @@
+"""Windows of a stream of scans: what ``run_windows`` makes of a whole recording, one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.run_law.run_windows import CURRENT_RATE, LOAD_DRAG, TURNS, own_name
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class LawWindow:
+    """Means over one window.
+
+    Attributes
+    ----------
+    values
+        Residuals, shape (relations,), NaN where most scans of the window have none.
+    signals
+        As each relation itself says that they should be, over the scans in which its residual has
+        a value, shape (relations, signals): what recordings differ by acts by these.
+    read
+        The same as they are read: what a sensor's error does is a share of its reading.
+    turning
+        Whether it holds a reversal or a standstill.
+    """
+
+    values: Array
+    signals: Array
+    read: Array
+    turning: bool
+
+
+class LawWindowMeans:
+    """Windows of so many scans, whatever the blocks in which these come.
+
+    Parameters
+    ----------
+    relations, signals
+        Of the law; the last two signals are formed here of current, load and direction.
+    names
+        Columns of the table of regressors; a relation takes those of its own where it has any.
+    motion
+        Names of current, load and direction among the signals.
+    """
+
+    def __init__(
+        self, relations: Sequence[str], signals: Sequence[str], names: Sequence[str],
+        motion: tuple[str, str, str], period_s: float, scans: int,
+    ) -> None:  # fmt: skip
+        place = {name: k for k, name in enumerate(names)}
+        formed = [name for name in signals if name not in (CURRENT_RATE, LOAD_DRAG)]
+        self._told = np.array(
+            [[place.get(own_name(r, s), place[s]) for s in formed] for r in relations], dtype=int
+        )
+        self._read = np.array([place[s] for s in formed], dtype=int)
+        self._current, self._load, self._way = (formed.index(name) for name in motion)
+        self._period_s, self._scans = period_s, scans
+        self._before: Array | None = None
+        self._values = np.empty((0, len(relations)))
+        self._signals = np.empty((0, 1 + len(relations), len(signals)))
+
+    def add(self, values: Array, table: Array) -> Iterator[tuple[int, LawWindow]]:
+        """Take n scans: residuals, shape (n, relations), and the table, shape (n, names).
+
+        Yields
+        ------
+        Number of the scan of this block that completes a window, and the window.
+        """
+        begun = len(self._values)
+        self._values = np.concatenate((self._values, values))
+        self._signals = np.concatenate((self._signals, self._formed(table)))
+        count = len(self._values) // self._scans
+        for number in range(count):
+            window = slice(number * self._scans, (number + 1) * self._scans)
+            yield window.stop - begun - 1, self._mean(self._values[window], self._signals[window])
+        self._values = self._values[count * self._scans :]
+        self._signals = self._signals[count * self._scans :]
+
+    def _formed(self, table: Array) -> Array:
+        """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
+        every = np.vstack((self._read, self._told))
+        formed = np.nan_to_num(table[:, every])
+        current = formed[..., self._current]
+        before = current[:1] if self._before is None else self._before
+        self._before = current[-1:]
+        rate = np.diff(current, axis=0, prepend=before) / self._period_s
+        drag = np.abs(formed[..., self._load]) * formed[..., self._way]
+        return np.concatenate((formed, rate[..., None], drag[..., None]), axis=-1)
+
+    def _mean(self, values: Array, signals: Array) -> LawWindow:
+        known = np.isfinite(values)
+        found = known.sum(axis=0)
+        share = known / np.maximum(found, 1)
+        means = (np.nan_to_num(values) * share).sum(axis=0)
+        means[2 * found <= len(values)] = np.nan
+        way = float(signals[:, 0, self._way].mean())
+        told = np.einsum("nr,nrs->rs", share, signals[:, 1:])
+        return LawWindow(means, told, share.T @ signals[:, 0], abs(way) < TURNS)

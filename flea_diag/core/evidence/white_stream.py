@@ -1,0 +1,104 @@
+"""One stream in the noise of its law: each window white, what is far out in it counting less."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.run_law.law_noise import BOUND
+from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals, WindowGain
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteWindow:
+    """One window in white noise.
+
+    Attributes
+    ----------
+    own
+        [y, Psi root], shape (relations, 1 + columns).
+    unit, faults
+        What another unit and one unit of each size adds, in the noise of the relations but before
+        the filter, shape (relations, differences) and (relations, sizes).
+    growing
+        What the latter add for each second since the onset.
+    gain, scale
+        Of the filter, and of windows that are louder, shape (relations, 1).
+    errors
+        Standardised errors of prediction under no fault, shape (relations,), NaN without a value.
+    """
+
+    own: Array
+    unit: Array
+    faults: Array
+    growing: Array
+    gain: WindowGain
+    scale: Array
+    errors: Array
+
+
+def weight_of(errors: Array) -> Array:
+    """By how much a value counts that is so many standard deviations out, shape (relations, 1)."""
+    far = np.maximum(np.abs(np.nan_to_num(errors)), BOUND)
+    return np.asarray(np.sqrt(BOUND / far))[:, None]
+
+
+def standardised(white: Array, mean: Array, covariance: Array) -> Array:
+    """Errors of [y, X] beside coefficients of X, in the standard deviations of a prediction."""
+    x = white[:, 1:]
+    variance = 1.0 + np.einsum("rc,cd,rd->r", x, covariance, x)
+    return np.asarray((white[:, 0] - x @ mean) / np.sqrt(variance))
+
+
+class WhiteStream:
+    """Filter and what is known so far of what the stream differs by.
+
+    ``since_start``: windows of the stream before the first that it takes.
+    """
+
+    def __init__(self, hypotheses: Hypotheses, since_start: int = 0) -> None:
+        self._h = hypotheses
+        self._gains = GainSequence(hypotheses.noise.levels())
+        count = 1 + hypotheses.root.shape[1]
+        self._signals = WhiteSignals((len(hypotheses.noise.white), count))
+        self.sums = np.zeros((count, count))
+        """[y, Psi]' [y, Psi] of what counts, fading."""
+        self._before = since_start
+        self.windows = 0
+
+    def step(self, window: LawWindow, counts: bool = True) -> WhiteWindow:
+        """Take the next window; ``counts``: whether its values are looked at."""
+        h = self._h
+        known = np.isfinite(window.values) & counts
+        left, psi, unit = h.own(window, self._before + self.windows)
+        eta, covariance = self._known()
+        rows = np.column_stack((np.where(known, left, 0.0), psi))
+        sigma = h.noise.sigma[:, None]
+        raw = np.where(known, standardised(rows / sigma, eta, covariance), 0.0)
+        added, growing = h.faults(window, raw)
+        gain = self._gains.step(known)
+        both = known[:, None] & known
+        apart = np.eye(len(known)) - np.where(both, h.noise.shared, 0.0)
+        loud = h.noise.turning if window.turning else np.ones(len(known))
+        scale = 1.0 / loud[:, None]
+        white = self._signals.step(apart @ rows, gain) * scale
+        self.windows += 1
+        errors = np.where(known, standardised(white, eta, covariance), np.nan)
+        parts = apart @ unit, apart @ added, apart @ growing
+        return WhiteWindow(white, *parts, gain, scale, errors)
+
+    def count(self, rows: Array, fade: float) -> None:
+        """Add the products of rows that are weighted."""
+        self.sums = fade * self.sums + rows.T @ rows
+
+    def _known(self) -> tuple[Array, Array]:
+        """What the stream differs by, so far: mean and covariance of eta."""
+        inner = np.eye(len(self.sums) - 1) + self.sums[1:, 1:]
+        covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)
+        return covariance @ self.sums[1:, 0], covariance

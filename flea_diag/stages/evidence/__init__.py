@@ -1,0 +1,1 @@
+"""Detection and isolation by the evidence of one law."""

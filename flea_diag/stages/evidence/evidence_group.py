@@ -1,0 +1,41 @@
+"""The group of an episode: faults whose share of the evidence has never fallen below a limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+COVERAGE = 0.99
+"""Share of true faults that their group holds: what falls below the rest is dropped for good."""
+TOLD_WINDOWS = 10
+"""Windows since the onset, without those about it, after which evidence counts in full: 2 s, in
+which a motion has seen more than one load."""
+
+
+def patience(windows: float) -> float:
+    """By how much more evidence must part two explanations, since so few windows."""
+    return max(1.0, TOLD_WINDOWS / max(windows, 1.0))
+
+
+@dataclass
+class EvidenceGroup:
+    """Members by their share, and the faults that were dropped, each with its share by then."""
+
+    dropped: dict[str, float] = field(default_factory=dict)
+    shares: dict[str, float] = field(default_factory=dict)
+
+    def take(self, nats: Mapping[str, float], windows: float) -> None:
+        """Weigh the members once more; evidence of every fault in nats, since so many windows."""
+        limit = (1.0 - COVERAGE) ** patience(windows)
+        left = {fault: value for fault, value in nats.items() if fault not in self.dropped}
+        while True:
+            most = max(left.values())
+            whole = math.fsum(math.exp(value - most) for value in left.values())
+            shares = {fault: math.exp(value - most) / whole for fault, value in left.items()}
+            least = min(shares, key=lambda fault: shares[fault])
+            if shares[least] >= limit:
+                break
+            self.dropped[least] = shares[least]
+            del left[least]
+        self.shares = dict(sorted(shares.items(), key=lambda entry: (-entry[1], entry[0])))

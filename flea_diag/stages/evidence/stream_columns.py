@@ -1,0 +1,48 @@
+"""Windows of the law out of records of residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
+from flea_diag.wire.blocks import ResidualBlock
+
+Array = npt.NDArray[np.float64]
+
+
+class StreamColumns:
+    """Takes the residuals of the law, none that mean nothing at rest while it rests.
+
+    Parameters
+    ----------
+    relations
+        Of the law, in its order; ``in_motion`` are those that mean nothing at rest.
+    signals, motion
+        See ``LawWindowMeans``.
+    """
+
+    def __init__(
+        self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
+        motion: tuple[str, str, str], period_s: float, scans: int,
+    ) -> None:  # fmt: skip
+        self._relations, self._signals, self._motion = relations, signals, motion
+        self._gated = np.array([name in in_motion for name in relations], dtype=bool)
+        self._period_s, self._scans = period_s, scans
+        self._means: LawWindowMeans | None = None
+        self._places: list[int] = []
+
+    def add(self, block: ResidualBlock) -> Iterator[tuple[int, LawWindow]]:
+        """Windows that these residuals complete, each with the number of its last scan."""
+        if self._means is None:
+            names = block.regressor_names
+            self._places = [block.names.index(name) for name in self._relations]
+            self._means = LawWindowMeans(
+                self._relations, self._signals, names, self._motion, self._period_s, self._scans
+            )
+        values = block.values[:, self._places]
+        resting = block.regressors[:, -1] <= 0.5
+        values = np.where(resting[:, None] & self._gated, np.nan, values)
+        return self._means.add(values, block.regressors)

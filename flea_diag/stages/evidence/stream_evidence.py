@@ -1,0 +1,164 @@
+"""Evidence of one stream: which unit it is of, when a fault is found, and what speaks for which."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, WindowHistory
+from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.onset_bank import ONSET_WINDOWS, OnsetBank
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS, patience
+
+Array = npt.NDArray[np.float64]
+
+APART_NATS = 3.5
+"""What a fault must be ahead of another unit by, or another unit of any fault."""
+
+
+class Limits(NamedTuple):
+    """Evidence over nothing from which on a fault, or another unit, is found, nats.
+
+    ``before``: from the start of the stream.
+    """
+
+    onset: float
+    before: float
+
+
+class Change(NamedTuple):
+    """Something that began with a window, the limit that it exceeds, and what speaks for what."""
+
+    onset: int
+    limit: float
+    evidence: FaultEvidence
+
+
+class Found(NamedTuple):
+    """A fault that is found: its model, its evidence in nats, and the change that it explains."""
+
+    model: int
+    nats: float
+    change: Change
+
+
+class StreamEvidence:
+    """See the module's first line.
+
+    Parameters
+    ----------
+    hypotheses
+        Of the unit of the calibration, and of another one.
+    """
+
+    def __init__(
+        self, hypotheses: tuple[Hypotheses, Hypotheses], limits: Limits,
+        judged: npt.NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        self._own, self._another = hypotheses
+        self._limits, self._judged = limits, judged
+        self.history = WindowHistory()
+        self._bank = OnsetBank(self._own)
+        self._begun = 0
+        self._changed: Change | None = None
+        self.other_unit = -1
+        """Window with which another unit took over; -1: none has."""
+
+    @property
+    def hypotheses(self) -> Hypotheses:
+        """Of the unit in use."""
+        return self._own if self.other_unit < 0 else self._another
+
+    def add(self, window: LawWindow) -> Found | None:
+        """Take one window; a fault, once one is found."""
+        self.history.add(window)
+        self._bank.add(window)
+        if self._changed is not None:
+            self._changed.evidence.add(window)
+            return self._told(self._changed)
+        if not self._bank.is_due or self._bank.windows <= ONSET_WINDOWS:
+            return None
+        self._changed = self._change()
+        return None if self._changed is None else self._told(self._changed)
+
+    def _change(self) -> Change | None:
+        """The onset of the most likely change, where one is beyond its limit."""
+        faults, unit = self._bank.weighed()
+        faults = np.where(self._judged, faults, -np.inf)
+        at_start = (self._bank.onsets == 0) & (self._begun == 0)
+        limits = np.where(at_start, self._limits.before, self._limits.onset)
+        beyond = faults - limits[:, None]
+        if self.other_unit < 0:
+            beyond = np.column_stack((beyond, unit - limits))
+        at = int(beyond.max(axis=1).argmax())
+        if beyond[at].max() <= 0.0:
+            return None
+        onset = self._begun + int(self._bank.onsets[at])
+        return Change(onset, float(limits[at]), self.of_fault(onset))
+
+    def _told(self, change: Change) -> Found | None:
+        """What a change was, once it is told: a fault, another unit, or nothing after all."""
+        evidence = change.evidence
+        if not evidence.windows:
+            return None
+        weighed = evidence.weighed()
+        alone = np.where(self._judged, weighed.alone, -np.inf)
+        with_unit = np.where(self._judged, weighed.with_unit - weighed.healthy_unit, -np.inf)
+        unit = weighed.unit if self.other_unit < 0 else -np.inf
+        over, more = alone - weighed.healthy, patience(evidence.windows)
+        best, limit = int(over.argmax()), more * change.limit
+        if over[best] > limit and alone.max() - unit > more * APART_NATS:
+            return Found(best, float(over[best]), change)
+        if unit > limit and with_unit.max() > limit:
+            best = int(with_unit.argmax())
+            return Found(best, float(with_unit[best]), change)
+        if more > 1.0:
+            return None
+        if max(unit, over[best]) <= limit:
+            self._changed = None
+        elif unit - alone.max() > APART_NATS:
+            self._changed = None
+            self._go_over(change.onset)
+        return None
+
+    def was_unit(self, change: Change, weighed: OnsetWeighed) -> bool:
+        """Whether all that has changed is the unit; if so, it is taken as another one."""
+        if self.other_unit >= 0 or change.evidence.windows < TOLD_WINDOWS:
+            return False
+        alone = weighed.alone[self._judged].max()
+        with_unit = (weighed.with_unit - weighed.healthy_unit)[self._judged].max()
+        if weighed.unit - alone < APART_NATS or with_unit > change.limit:
+            return False
+        self._changed = None
+        self._go_over(change.onset)
+        return True
+
+    def _go_over(self, onset: int) -> None:
+        """Another unit is in use from a window on: nothing before it counts."""
+        self.other_unit = onset
+        self._begun = onset + ONSET_WINDOWS * (onset > 0)
+        self._bank = OnsetBank(self._another, self._begun)
+        for window in self.history.since(self._begun):
+            self._bank.add(window)
+
+    def of_fault(self, onset: int) -> FaultEvidence:
+        """Evidence on a fault with an onset, from the history."""
+        first = max(self._begun, self.history.taken - len(self.history.windows))
+        windows = self.history.since(first)
+        return FaultEvidence(self.hypotheses, max(onset - first, 0), windows, first)
+
+
+def limits_of(models: int, rate_per_hour: float, onsets_per_hour: float) -> Limits:
+    """Lower bounds: under no fault a ratio exceeds exp(x) with a probability of at most exp(-x)."""
+    return Limits(
+        math.log(models * onsets_per_hour / rate_per_hour),
+        math.log(models / (rate_per_hour * START_HOURS)),
+    )
+
+
+START_HOURS = 30.0 / 3600.0
+"""Time for which the start of a stream stands, of those that are judged a rate in an hour."""

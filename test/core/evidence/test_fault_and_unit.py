@@ -1,0 +1,159 @@
+"""The recursions over windows against dense densities: faults, another unit, and both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from flea_diag.core.evidence.fault_evidence import FaultEvidence
+from flea_diag.core.evidence.hypotheses import Hypotheses, reaching
+from flea_diag.core.evidence.onset_bank import OnsetBank
+from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
+from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
+from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
+from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
+from flea_diag.core.run_law.run_law import LawTerm, RelationNoise, RunLaw, VisibleSize
+from flea_diag.core.run_law.run_windows import CURRENT_RATE, LOAD_DRAG, WINDOW_S
+
+RELATIONS = ("first", "second")
+SIGNALS = ("one", "elapsed_s", "speed")
+WIDE = Size("bias", "", -np.inf, np.inf)
+MODELS = (
+    FaultModel("bias", (WIDE,), (Term("first", "one", 1.0), Term("second", "one", -0.5))),
+    FaultModel("drift", (WIDE,), (Term("first", "elapsed_s", 0.3),)),
+    FaultModel("drag", (WIDE,), (Term("second", "speed", 0.8),)),
+)
+SIZE = 0.2
+VISIBLE = tuple(VisibleSize(m.fault, "bias", "", SIZE, SIZE, SIZE) for m in MODELS)
+TERMS = (LawTerm("zero", FREE, 0.3, 0.5, 0.6), LawTerm("friction", UNIT, -0.2, 0.1, 0.4))
+NOISE = (RelationNoise("first", 0.6, 0.7, 0.6), RelationNoise("second", 0.4, 0.3, 0.8, 1.0, (0.3,)))
+LAW = RunLaw(TERMS, NOISE, ((0.01,), (0.0, 0.02)), 8, 1, 1e9, visible=VISIBLE)
+
+
+def columns() -> LawColumns:
+    design = np.zeros((2, 3, 2))
+    design[0, 0, 0], design[:, 2, 1] = 1.0, (0.5, -0.4)
+    entries = (LawColumn("zero", FREE, 0.6), LawColumn("friction", UNIT, 0.4))
+    return LawColumns(RELATIONS, entries, design, 1)
+
+
+def hypotheses() -> Hypotheses:
+    blank = np.zeros((2, 3, 0))
+    signatures = FaultSignatures.of(MODELS, RELATIONS, Basis(SIGNALS), blank)
+    return Hypotheses.of(LAW, columns(), reaching(signatures, LAW))
+
+
+def windows(values: np.ndarray) -> list[LawWindow]:
+    speed = np.sin(0.4 * np.arange(len(values)))
+    signals = [np.tile([1.0, 0.0, v], (2, 1)) for v in speed]
+    return [LawWindow(row, s, s, False) for row, s in zip(values, signals, strict=True)]
+
+
+def dense(count: int, onset: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Mean and covariance under no fault, of another unit since, and effects of the models."""
+    speed, since = np.sin(0.4 * np.arange(count)), (np.arange(count) >= onset).astype(float)
+    one, zero = np.ones(count), np.zeros(count)
+    psi = np.array([[one, zero], [0.5 * speed, -0.4 * speed]])  # columns, relations, windows
+    lag = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    noise = np.zeros((2, count, 2, count))
+    for k, row in enumerate(NOISE):
+        noise[k, :, k] = row.white**2 * np.eye(count) + row.coloured**2 * row.phi**lag
+    shared = np.kron(np.linalg.inv(np.array([[1.0, 0.0], [-0.3, 1.0]])), np.eye(count))
+    own = psi.reshape(2, -1)
+    spread = np.diag([max(0.5**2 + 0.01, 0.6**2), 0.1**2 + 0.02])
+    null = shared @ noise.reshape(2 * count, -1) @ shared.T + own.T @ spread @ own
+    later = (psi * since).reshape(2, -1)
+    unit = later.T @ np.diag([0.6**2, 0.4**2]) @ later
+    elapsed = since * (np.arange(count) - onset + 0.5) * WINDOW_S
+    effects = [np.concatenate(pair) for pair in (
+        (since, -0.5 * since), (0.3 * elapsed, zero), (zero, 0.8 * since * speed),
+    )]  # fmt: skip
+    return own.T @ np.array([0.3, -0.2]), null, unit, effects
+
+
+def drawn(count: int, seed: int) -> np.ndarray:
+    mean, null, _, _ = dense(count, 0)
+    y = np.random.default_rng(seed).multivariate_normal(mean, null)
+    return np.asarray(y.reshape(2, count).T)
+
+
+def nats(y: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> float:
+    return float(multivariate_normal(mean, covariance).logpdf(y))
+
+
+def unbounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No window counts less: what a dense density says."""
+    monkeypatch.setattr("flea_diag.core.evidence.white_stream.BOUND", 1e9)
+
+
+def test_the_bank_holds_the_densities_of_faults_and_of_another_unit(monkeypatch) -> None:
+    unbounded(monkeypatch)
+    count, values = 12, drawn(12, seed=1)
+    bank, y = OnsetBank(hypotheses()), values.T.ravel()
+    for window in windows(values):
+        bank.add(window)
+    found = bank.weighed()
+    for row, onset in enumerate(bank.onsets.tolist()):
+        mean, null, unit, effects = dense(count, onset)
+        assert found.unit[row] == pytest.approx(
+            nats(y, mean, null + unit) - nats(y, mean, null), abs=1e-6
+        )
+        for value, effect in zip(found.faults[row], effects, strict=True):
+            spread = null + (10.0 * SIZE) ** 2 * np.outer(effect, effect)
+            assert value == pytest.approx(nats(y, mean, spread) - nats(y, mean, null), abs=1e-6)
+
+
+def test_a_fault_is_weighed_alone_and_with_another_unit(monkeypatch) -> None:
+    unbounded(monkeypatch)
+    monkeypatch.setattr(FaultEvidence, "misfit", lambda self: np.ones(2))
+    values = drawn(14, seed=2)
+    found = FaultEvidence(hypotheses(), 0, windows(values)).weighed()
+    y, (mean, null, unit, effects) = values.T.ravel(), dense(14, 0)
+    for k, effect in enumerate(effects):
+        added = (10.0 * SIZE) ** 2 * np.outer(effect, effect)
+        assert found.alone[k] == pytest.approx(
+            nats(y, mean, null + added) - nats(y, mean, null), abs=1e-6
+        )
+        assert found.with_unit[k] == pytest.approx(
+            nats(y, mean, null + unit + added) - nats(y, mean, null + unit), abs=1e-6
+        )
+
+
+def test_a_step_is_found_at_its_onset_and_what_smoothing_leaves_of_one_is_not() -> None:
+    values = drawn(160, seed=3)
+    stepped, spiked = values.copy(), values.copy()
+    stepped[100:] += 3.0 * np.array([1.0, -0.5])
+    spiked[100:102] += 30.0
+    bank = OnsetBank(hypotheses())
+    for window in windows(stepped[:118]):
+        bank.add(window)
+    faults = bank.weighed().faults
+    onset, model = np.unravel_index(faults.argmax(), faults.shape)
+    assert MODELS[model].fault == "bias"
+    assert abs(int(bank.onsets[onset]) - 100) <= 2
+    right = FaultEvidence(hypotheses(), 100, windows(stepped)).weighed()
+    assert right.every[0] > max(right.every[1:]) + 3.5
+    assert FaultEvidence(hypotheses(), 100, windows(spiked)).weighed().every.max() < 5.0
+
+
+def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
+    draw = np.random.default_rng(4)
+    names = ("one", "current", "load", "way", "second: current")
+    signals = ("one", "current", "load", "way", CURRENT_RATE, LOAD_DRAG)
+    table, values = draw.standard_normal((95, 5)), draw.standard_normal((95, 2))
+    values[3:40, 1] = np.nan
+
+    def means() -> LawWindowMeans:
+        return LawWindowMeans(RELATIONS, signals, names, ("current", "load", "way"), 0.01, 20)
+
+    whole, parts = means(), means()
+    every = list(whole.add(values, table))
+    single = [w for k in range(95) for w in parts.add(values[k : k + 1], table[k : k + 1])]
+    assert [number for number, _ in every] == [19, 39, 59, 79]
+    for (_, one), (_, other) in zip(every, single, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+        np.testing.assert_array_equal(one.signals, other.signals)
+    assert np.isnan(every[0][1].values[1])
+    assert every[0][1].signals[0, 1] == pytest.approx(table[:20, 1].mean())

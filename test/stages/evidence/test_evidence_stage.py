@@ -1,0 +1,123 @@
+"""One evidence on an actuator of few sensors: healthy, dragged, lying, and exchanged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import numpy as np
+import pytest
+from support.models import linear_ema as ema
+from support.places import FLEA_STAND
+
+from flea_diag.configuration.evidence import EvidenceStand, with_law
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.tools.calibrate.procedure import learn
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Detection, Record
+
+STAND = load_stand(str(FLEA_STAND))
+PERIOD_NS = 10_000_000
+ONSET_S = 9.0
+
+
+@cache
+def diagnosis() -> EvidenceStand:
+    """By the law of ten healthy runs of 12 s."""
+    runs = []
+    for n, columns in enumerate(ema.nominal_runs()[:5]):
+        for half in (slice(0, 1200), slice(1200, 2400)):
+            part = {name: values[half] for name, values in columns.items()}
+            run = NominalRun(f"run{n}_{half.start}", ema.rows(part, ema.STAND))
+            runs.append(NominalRecording(run, "s", ema.STAND, "mean", 0.01))
+    calibration = learn(runs, STAND.actuator, 0.1, faults=STAND.faults).calibration
+    assert calibration.law is not None
+    return with_law(STAND, calibration, calibration.law)
+
+
+@cache
+def running(**faulty: float) -> ema.Columns:
+    """A run of 24 s that none of the others is; from ``ONSET_S`` on it may be another actuator."""
+    changed = ema.changed(**faulty) if faulty else None
+    motion, mean = ema.MOTIONS[5]
+    columns = ema.run(
+        ema.HEALTHY, 24.0, motion, lambda t: mean + 40.0 * math.sin(1.3 * t), changed, ONSET_S
+    )
+    return ema.noisy(columns, 90)
+
+
+def records(columns: ema.Columns, together: int = 2400) -> list[Record]:
+    """What is said of a run, its scans so many at a time."""
+    stage, channels = diagnosis().stage(), diagnosis().calibration.channels
+    rows = np.column_stack([columns[name] for name in channels])
+    stamps = PERIOD_NS * (1 + np.arange(len(rows)))
+    table = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in channels)
+    said: list[Record] = list(stage.handle(ChannelTable(1, "flea", tuple(table))))
+    for first in range(0, len(rows), together):
+        part = slice(first, first + together)
+        said += stage.handle_block(ScanBlock(stamps[part], channels, rows[part]))
+    return [record for record in said if isinstance(record, AmbiguityGroup | Detection)]
+
+
+def groups(said: list[Record]) -> Iterator[set[str]]:
+    for record in said:
+        if isinstance(record, AmbiguityGroup):
+            yield {member.fault for member in record.members}
+
+
+def lying(channel: str, change: Callable[[np.ndarray], np.ndarray]) -> ema.Columns:
+    columns = dict(running())
+    since = round(ONSET_S * 100)
+    wrong = columns[channel].copy()
+    wrong[since:] = change(wrong[since:])
+    return {**columns, channel: wrong}
+
+
+def test_a_healthy_run_that_the_law_does_not_know_is_quiet() -> None:
+    assert list(groups(records(running()))) == [set()]
+
+
+def test_more_friction_is_found_after_its_onset_and_its_group_only_shrinks() -> None:
+    said = records(running(coulomb=150.0))
+    detection = next(r for r in said if isinstance(r, Detection))
+    assert 0.0 < detection.stamp_ns / 1e9 - ONSET_S < 2.0
+    assert detection.z > detection.threshold
+    found = [group for group in groups(said) if group]
+    assert {"jam"} <= found[-1] <= {"jam", "ball_nut_friction"}
+    for earlier, later in zip(found, found[1:], strict=False):
+        assert later <= earlier
+
+
+@pytest.mark.parametrize(
+    ("channel", "change", "fault"),
+    [
+        ("motor_current", lambda y: y + 0.8, "motor_current_bias"),
+        ("motor_current", lambda y: 1.5 * y, "motor_current_scaling"),
+        ("load_force", lambda y: y + 80.0, "load_force_bias"),
+        ("motor_temperature", lambda y: 0.0 * y + 30.0, "motor_temperature_dead"),
+    ],
+)
+def test_a_wrong_sensor_is_named(
+    channel: str, change: Callable[[np.ndarray], np.ndarray], fault: str
+) -> None:
+    assert list(groups(records(lying(channel, change))))[-1] == {fault}
+
+
+def test_another_healthy_unit_is_said_and_is_no_fault() -> None:
+    """All that units differ by at once, within the tolerances of the description."""
+    said = records(
+        running(coulomb=72.0, viscous=620.0, resistance=3.45, back_emf=174.0, current_offset=0.4,
+                voltage_offset=-0.3)
+    )  # fmt: skip
+    assert all(not group for group in groups(said))
+    last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
+    assert "another unit" in last.words
+
+
+@pytest.mark.parametrize("together", [1, 7, 33])
+def test_blocks_and_single_scans_give_the_same_verdicts(together: int) -> None:
+    columns = running(coulomb=150.0)
+    assert records(columns, together) == records(columns)
