@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import described
 from flea_diag.configuration.knowledge import effects, knowledge
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.evidence.hypotheses import Hypotheses, reaching
+from flea_diag.core.evidence.hypotheses import Hypotheses, signatures_of
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
-from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
 from flea_diag.core.run_law.law_columns import law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
@@ -23,11 +19,11 @@ from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
 from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
+from flea_diag.stages.evidence.residual_source import ResidualSource
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import limits_of
 from flea_diag.stages.observer.regressor_table import answers_of
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.stages.evidence.residual_source import ResidualSource
 
 
 @dataclass(frozen=True)
@@ -68,10 +64,7 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     columns = every.some([every.names.index(term.name) for term in law.terms])
     order = [columns.names.index(term.name) for term in law.terms]
     assert order == sorted(order)
-    models = known.bound(parameters)
-    nothing = np.zeros((len(law.relations), len(names), 0))
-    signatures = FaultSignatures.of(models, law.relations, Basis(names), nothing)
-    signatures = reaching(signatures, law)
+    signatures = signatures_of(known.bound(parameters), names, law)
     faults = knowledge(stand, calibration).faults
     made = tuple(Hypotheses.of(law, columns, signatures, another) for another in (False, True))
     limits = limits_of(

@@ -191,7 +191,7 @@ ARROWS = {
             "run_law",
         ),
         "likelihood_ratio": ("run_law", "likelihood", "calibration", "residuals", "symbolic"),
-        "evidence": ("likelihood_ratio", "run_law"),
+        "evidence": ("likelihood_ratio", "run_law", "likelihood"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -246,7 +246,7 @@ ARROWS = {
         "campaign": ("calibrate", "recordings"),
         "score": ("campaign",),
         "arena": (),
-        "evaluate": ("arena", "campaign", "features", "replay", "score"),
+        "evaluate": ("arena", "calibrate", "campaign", "features", "replay", "score"),
     },
     "flea_diag.web": {
         "": (),

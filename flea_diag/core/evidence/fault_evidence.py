@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import Hypotheses
-from flea_diag.core.evidence.onset_bank import ONSET_WINDOWS
+from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import WhiteStream, standardised, weight_of
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio, posterior_mean
@@ -29,7 +29,7 @@ KEPT_S = 60.0
 """History that is weighed once more after a detection."""
 
 
-class WindowHistory:
+class StreamHistory:
     """The windows of the last ``KEPT_S``, and the number of the first of them."""
 
     def __init__(self) -> None:
@@ -150,8 +150,10 @@ class FaultEvidence:
         scale = 1.0 / np.maximum(self.misfit(), 1.0)
         alone, both = self._sums(scale, self._alone), self._sums(scale, self._own.shape[-1])
         unit = other_unit(both.own, self._alone)
-        found = [self._h.evidence(sums) for sums in (alone, both)]
-        return OnsetWeighed(*found, unit, *(self._h.of_healthy(sums) for sums in (alone, both)))
+        h = self._h
+        return OnsetWeighed(
+            h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both)
+        )
 
     def sizes(self) -> Array:
         """Mean of the sizes of every model, shape (models, sizes)."""

@@ -8,12 +8,15 @@ its onset on.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures, SizePrior
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio
 from flea_diag.core.run_law.law_columns import FREE, NEGLECTED, LawColumns
@@ -108,15 +111,22 @@ class Hypotheses:
         return window.values - psi @ self.mean, psi @ self.root, psi @ self.unit
 
 
-def reaching(signatures: FaultSignatures, law: RunLaw) -> FaultSignatures:
-    """The same, sizes without a bound reaching ``WIDE`` times what half of recordings show."""
+def signatures_of(
+    models: Sequence[FaultModel], signals: tuple[str, ...], law: RunLaw
+) -> FaultSignatures:
+    """Signatures in the relations of a law; by ``signals``, the names of those of a window.
+
+    A size without a bound reaches ``WIDE`` times what half of the recordings show.
+    """
+    nothing = np.zeros((len(law.relations), len(signals), 0))
+    made = FaultSignatures.of(models, law.relations, Basis(signals), nothing)
     shown = {(row.fault, row.size): row.onset for row in law.visible}
-    reach = np.ones(signatures.shape)
-    for k, model in enumerate(signatures.models):
+    reach = np.ones(made.shape)
+    for k, model in enumerate(made.models):
         for i, size in enumerate(model.sizes):
             onset = shown.get((model.fault, size.name), math.inf)
             reach[k, i] = WIDE * onset if math.isfinite(onset) else 1.0
-    return replace(signatures, reach=reach)
+    return replace(made, reach=reach)
 
 
 def _feigned(law: RunLaw, signatures: FaultSignatures) -> SizePrior:

@@ -9,7 +9,7 @@ import numpy as np
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.evidence.hypotheses import Hypotheses
-from flea_diag.core.evidence.onset_bank import ONSET_WINDOWS
+from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.stages.baselines.plain_verdict import plain_verdict
 from flea_diag.stages.baselines.sensor_alarms import SensorAlarms

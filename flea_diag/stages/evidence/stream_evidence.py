@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, WindowHistory
+from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, StreamHistory
 from flea_diag.core.evidence.hypotheses import Hypotheses
-from flea_diag.core.evidence.onset_bank import ONSET_WINDOWS, OnsetBank
+from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS, HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS, patience
 
@@ -61,8 +61,8 @@ class StreamEvidence:
     ) -> None:  # fmt: skip
         self._own, self._another = hypotheses
         self._limits, self._judged = limits, judged
-        self.history = WindowHistory()
-        self._bank = OnsetBank(self._own)
+        self.history = StreamHistory()
+        self._bank = HypothesisBank(self._own)
         self._begun = 0
         self._changed: Change | None = None
         self.other_unit = -1
@@ -141,7 +141,7 @@ class StreamEvidence:
         """Another unit is in use from a window on: nothing before it counts."""
         self.other_unit = onset
         self._begun = onset + ONSET_WINDOWS * (onset > 0)
-        self._bank = OnsetBank(self._another, self._begun)
+        self._bank = HypothesisBank(self._another, self._begun)
         for window in self.history.since(self._begun):
             self._bank.add(window)
 

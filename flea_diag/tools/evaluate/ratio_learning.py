@@ -21,8 +21,8 @@ from flea_diag.core.likelihood_ratio.unit_design import unit_design
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.stages.baselines.likelihood_ratio import LikelihoodRatioStage, ResidualColumns
 from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
-from flea_diag.stages.pipeline import Pipeline
 from flea_diag.stages.evidence.residual_source import ResidualSource
+from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock, block_of
 from flea_diag.wire.records import ChannelTable, Residual, Scan

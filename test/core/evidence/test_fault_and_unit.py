@@ -7,12 +7,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
-from flea_diag.core.evidence.hypotheses import Hypotheses, reaching
-from flea_diag.core.evidence.onset_bank import OnsetBank
+from flea_diag.core.evidence.hypotheses import Hypotheses, signatures_of
+from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
-from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
-from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures
 from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
 from flea_diag.core.run_law.run_law import LawTerm, RelationNoise, RunLaw, VisibleSize
 from flea_diag.core.run_law.run_windows import CURRENT_RATE, LOAD_DRAG, WINDOW_S
@@ -40,9 +38,7 @@ def columns() -> LawColumns:
 
 
 def hypotheses() -> Hypotheses:
-    blank = np.zeros((2, 3, 0))
-    signatures = FaultSignatures.of(MODELS, RELATIONS, Basis(SIGNALS), blank)
-    return Hypotheses.of(LAW, columns(), reaching(signatures, LAW))
+    return Hypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW))
 
 
 def windows(values: np.ndarray) -> list[LawWindow]:
@@ -91,7 +87,7 @@ def unbounded(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_bank_holds_the_densities_of_faults_and_of_another_unit(monkeypatch) -> None:
     unbounded(monkeypatch)
     count, values = 12, drawn(12, seed=1)
-    bank, y = OnsetBank(hypotheses()), values.T.ravel()
+    bank, y = HypothesisBank(hypotheses()), values.T.ravel()
     for window in windows(values):
         bank.add(window)
     found = bank.weighed()
@@ -126,7 +122,7 @@ def test_a_step_is_found_at_its_onset_and_what_smoothing_leaves_of_one_is_not() 
     stepped, spiked = values.copy(), values.copy()
     stepped[100:] += 3.0 * np.array([1.0, -0.5])
     spiked[100:102] += 30.0
-    bank = OnsetBank(hypotheses())
+    bank = HypothesisBank(hypotheses())
     for window in windows(stepped[:118]):
         bank.add(window)
     faults = bank.weighed().faults

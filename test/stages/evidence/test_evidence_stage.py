@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -87,7 +88,7 @@ def test_more_friction_is_found_after_its_onset_and_its_group_only_shrinks() -> 
     assert detection.z > detection.threshold
     found = [group for group in groups(said) if group]
     assert {"jam"} <= found[-1] <= {"jam", "ball_nut_friction"}
-    for earlier, later in zip(found, found[1:], strict=False):
+    for earlier, later in pairwise(found):
         assert later <= earlier
 
 

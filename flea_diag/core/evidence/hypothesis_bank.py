@@ -34,7 +34,7 @@ class Weighed(NamedTuple):
     unit: Array
 
 
-class OnsetBank:
+class HypothesisBank:
     """Sums of one stream, from its start and from every onset of the bank."""
 
     def __init__(self, hypotheses: Hypotheses, since_start: int = 0) -> None:
