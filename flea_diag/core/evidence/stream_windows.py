@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.run_law.run_windows import CURRENT_RATE, LOAD_DRAG, TURNS, own_name
+from flea_diag.core.run_law.run_windows import FORMED, TURNS, own_name
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -43,7 +43,7 @@ class LawWindowMeans:
     Parameters
     ----------
     relations, signals
-        Of the law; the last two signals are formed here of current, load and direction.
+        Of the law; the last ones, ``FORMED``, are made here of current, load and direction.
     names
         Columns of the table of regressors; a relation takes those of its own where it has any.
     motion
@@ -55,7 +55,7 @@ class LawWindowMeans:
         motion: tuple[str, str, str], period_s: float, scans: int,
     ) -> None:  # fmt: skip
         place = {name: k for k, name in enumerate(names)}
-        formed = [name for name in signals if name not in (CURRENT_RATE, LOAD_DRAG)]
+        formed = [name for name in signals if name not in FORMED]
         self._told = np.array(
             [[place.get(own_name(r, s), place[s]) for s in formed] for r in relations], dtype=int
         )
@@ -91,8 +91,9 @@ class LawWindowMeans:
         before = current[:1] if self._before is None else self._before
         self._before = current[-1:]
         rate = np.diff(current, axis=0, prepend=before) / self._period_s
-        drag = np.abs(formed[..., self._load]) * formed[..., self._way]
-        return np.concatenate((formed, rate[..., None], drag[..., None]), axis=-1)
+        way = formed[..., self._way]
+        drag, turn = np.abs(formed[..., self._load]) * way, way * (1.0 - np.square(way))
+        return np.concatenate((formed, np.stack((rate, drag, turn), axis=-1)), axis=-1)
 
     def _mean(self, values: Array, signals: Array) -> LawWindow:
         known = np.isfinite(values)

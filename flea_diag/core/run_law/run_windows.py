@@ -20,6 +20,8 @@ Flags = npt.NDArray[np.bool_]
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
 CURRENT_RATE, LOAD_DRAG, REVERSAL = "current_rate", "load_drag", "reversal"
+FORMED = (CURRENT_RATE, LOAD_DRAG, REVERSAL)
+"""Signals of the law behind those of the faults, in the order of ``with_neglected``."""
 TURNS = 0.99
 """Share of the full sign of the motion below which a window holds a reversal or a standstill."""
 
@@ -58,7 +60,7 @@ class RunWindows:
 
 def signal_names(effects: EffectSet) -> tuple[str, ...]:
     """The basis signals, and what the relations leave out."""
-    return (*effects.names, CURRENT_RATE, LOAD_DRAG, REVERSAL)
+    return (*effects.names, *FORMED)
 
 
 def with_neglected(regressors: Array, effects: EffectSet, period_s: float) -> Array:

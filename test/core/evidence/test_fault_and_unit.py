@@ -13,7 +13,7 @@ from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
 from flea_diag.core.run_law.run_law import LawTerm, RelationNoise, RunLaw, VisibleSize
-from flea_diag.core.run_law.run_windows import CURRENT_RATE, LOAD_DRAG, WINDOW_S
+from flea_diag.core.run_law.run_windows import FORMED, WINDOW_S
 
 RELATIONS = ("first", "second")
 SIGNALS = ("one", "elapsed_s", "speed")
@@ -137,7 +137,7 @@ def test_a_step_is_found_at_its_onset_and_what_smoothing_leaves_of_one_is_not() 
 def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     draw = np.random.default_rng(4)
     names = ("one", "current", "load", "way", "second: current")
-    signals = ("one", "current", "load", "way", CURRENT_RATE, LOAD_DRAG)
+    signals = ("one", "current", "load", "way", *FORMED)
     table, values = draw.standard_normal((95, 5)), draw.standard_normal((95, 2))
     values[3:40, 1] = np.nan
 
