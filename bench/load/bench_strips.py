@@ -17,7 +17,8 @@ from pathlib import Path
 
 os.environ.setdefault("PYTEST_CURRENT_TEST", Path(__file__).name)
 # NiceGUI lets several pages follow each other in a process for tests alone.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
+BENCH = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(BENCH), str(BENCH.parent / "test")]
 
 from summary import Figure, bench_parser, write_summary
 from support.browser import Browser, missing
