@@ -9,7 +9,7 @@ from flea_diag.configuration.description import described
 from flea_diag.configuration.knowledge import effects, knowledge
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.evidence.hypotheses import Hypotheses, signatures_of
+from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.run_law.law_columns import law_columns
@@ -66,7 +66,9 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     assert order == sorted(order)
     signatures = signatures_of(known.bound(parameters), names, law)
     faults = knowledge(stand, calibration).faults
-    made = tuple(Hypotheses.of(law, columns, signatures, another) for another in (False, True))
+    made = tuple(
+        StreamHypotheses.of(law, columns, signatures, another) for another in (False, True)
+    )
     limits = limits_of(
         len({model.fault for model in signatures.models}),
         calibration.false_alarms_per_hour,

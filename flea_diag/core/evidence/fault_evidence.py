@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import WhiteStream, standardised, weight_of
@@ -83,7 +83,7 @@ class FaultEvidence:
     """
 
     def __init__(
-        self, hypotheses: Hypotheses, onset: int, windows: Iterable[LawWindow] = (),
+        self, hypotheses: StreamHypotheses, onset: int, windows: Iterable[LawWindow] = (),
         since_start: int = 0,
     ) -> None:  # fmt: skip
         self._h, self._onset = hypotheses, onset

@@ -33,7 +33,7 @@ OTHER_UNIT_K = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Hypotheses:
+class StreamHypotheses:
     """Of one stand, in the noise of its law.
 
     Attributes
@@ -62,7 +62,7 @@ class Hypotheses:
     @classmethod
     def of(
         cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, another: bool = False
-    ) -> Hypotheses:
+    ) -> StreamHypotheses:
         """By a law; ``another``: of a unit that it was not learned from."""
         spread = law.spread(another)
         variance = unit_variance(law, columns)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import WhiteStream, WhiteWindow, weight_of
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums
@@ -37,7 +37,7 @@ class Weighed(NamedTuple):
 class HypothesisBank:
     """Sums of one stream, from its start and from every onset of the bank."""
 
-    def __init__(self, hypotheses: Hypotheses, since_start: int = 0) -> None:
+    def __init__(self, hypotheses: StreamHypotheses, since_start: int = 0) -> None:
         self._h = hypotheses
         self._fade = float(np.exp(-WINDOW_S / hypotheses.memory_s))
         self.stream = WhiteStream(hypotheses, since_start)

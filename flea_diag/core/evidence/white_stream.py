@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.run_law.law_noise import BOUND
 from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals, WindowGain
@@ -62,7 +62,7 @@ class WhiteStream:
     ``since_start``: windows of the stream before the first that it takes.
     """
 
-    def __init__(self, hypotheses: Hypotheses, since_start: int = 0) -> None:
+    def __init__(self, hypotheses: StreamHypotheses, since_start: int = 0) -> None:
         self._h = hypotheses
         self._gains = GainSequence(hypotheses.noise.levels())
         count = 1 + hypotheses.root.shape[1]

@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
-from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.stages.baselines.plain_verdict import plain_verdict
 from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
 from flea_diag.stages.evidence.evidence_group import EvidenceGroup
 from flea_diag.stages.evidence.stream_columns import StreamColumns
-from flea_diag.stages.evidence.stream_evidence import Change, Found, Limits, StreamEvidence
+from flea_diag.stages.evidence.stream_evidence import (
+    EvidenceLimits,
+    Found,
+    StreamChange,
+    StreamEvidence,
+)
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -35,8 +40,8 @@ OTHER = "another unit than the calibrated one, as healthy units differ"
 class EvidenceKnowledge:
     """What the stage of a stand rests on."""
 
-    hypotheses: tuple[Hypotheses, Hypotheses]
-    limits: Limits
+    hypotheses: tuple[StreamHypotheses, StreamHypotheses]
+    limits: EvidenceLimits
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -58,7 +63,7 @@ class EvidenceStage:
         # What a dead sensor reads is told by its own test alone.
         judged = np.array([fault not in sensors.faults for fault in self._faults])
         self._stream = StreamEvidence(knowledge.hypotheses, knowledge.limits, judged)
-        self._change: Change | None = None
+        self._change: StreamChange | None = None
         self._group = EvidenceGroup()
         self._detected_ns = -1
         self._said: object = None
@@ -113,7 +118,7 @@ class EvidenceStage:
         return (detection, *self._followed(stamp_ns, self._open))
 
     @property
-    def _open(self) -> Change:
+    def _open(self) -> StreamChange:
         assert self._change is not None
         return self._change
 
@@ -123,13 +128,13 @@ class EvidenceStage:
         if found is None:
             onset = self._stream.history.taken - ONSET_WINDOWS
             limit = self._knowledge.limits.onset
-            self._change = Change(onset, limit, self._stream.of_fault(onset))
+            self._change = StreamChange(onset, limit, self._stream.of_fault(onset))
             return Detection(stamp_ns, 1, True, self._sensors.words, 0.0, 0.0, "sensor")
         self._change, name = found.change, self._faults[found.model]
         limit = found.change.limit
         return Detection(stamp_ns, 1, True, name, found.nats, limit, "evidence, nats")
 
-    def _followed(self, stamp_ns: int, change: Change) -> tuple[Record, ...]:
+    def _followed(self, stamp_ns: int, change: StreamChange) -> tuple[Record, ...]:
         """The group, where its members are others than before; or that it was another unit."""
         weighed = change.evidence.weighed()
         if not self._sensors and self._stream.was_unit(change, weighed):

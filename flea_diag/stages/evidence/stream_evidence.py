@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, StreamHistory
-from flea_diag.core.evidence.hypotheses import Hypotheses
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS, HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS, patience
@@ -20,7 +20,7 @@ APART_NATS = 3.5
 """What a fault must be ahead of another unit by, or another unit of any fault."""
 
 
-class Limits(NamedTuple):
+class EvidenceLimits(NamedTuple):
     """Evidence over nothing from which on a fault, or another unit, is found, nats.
 
     ``before``: from the start of the stream.
@@ -30,7 +30,7 @@ class Limits(NamedTuple):
     before: float
 
 
-class Change(NamedTuple):
+class StreamChange(NamedTuple):
     """Something that began with a window, the limit that it exceeds, and what speaks for what."""
 
     onset: int
@@ -43,7 +43,7 @@ class Found(NamedTuple):
 
     model: int
     nats: float
-    change: Change
+    change: StreamChange
 
 
 class StreamEvidence:
@@ -56,7 +56,7 @@ class StreamEvidence:
     """
 
     def __init__(
-        self, hypotheses: tuple[Hypotheses, Hypotheses], limits: Limits,
+        self, hypotheses: tuple[StreamHypotheses, StreamHypotheses], limits: EvidenceLimits,
         judged: npt.NDArray[np.bool_],
     ) -> None:  # fmt: skip
         self._own, self._another = hypotheses
@@ -64,12 +64,12 @@ class StreamEvidence:
         self.history = StreamHistory()
         self._bank = HypothesisBank(self._own)
         self._begun = 0
-        self._changed: Change | None = None
+        self._changed: StreamChange | None = None
         self.other_unit = -1
         """Window with which another unit took over; -1: none has."""
 
     @property
-    def hypotheses(self) -> Hypotheses:
+    def hypotheses(self) -> StreamHypotheses:
         """Of the unit in use."""
         return self._own if self.other_unit < 0 else self._another
 
@@ -85,7 +85,7 @@ class StreamEvidence:
         self._changed = self._change()
         return None if self._changed is None else self._told(self._changed)
 
-    def _change(self) -> Change | None:
+    def _change(self) -> StreamChange | None:
         """The onset of the most likely change, where one is beyond its limit."""
         faults, unit = self._bank.weighed()
         faults = np.where(self._judged, faults, -np.inf)
@@ -98,9 +98,9 @@ class StreamEvidence:
         if beyond[at].max() <= 0.0:
             return None
         onset = self._begun + int(self._bank.onsets[at])
-        return Change(onset, float(limits[at]), self.of_fault(onset))
+        return StreamChange(onset, float(limits[at]), self.of_fault(onset))
 
-    def _told(self, change: Change) -> Found | None:
+    def _told(self, change: StreamChange) -> Found | None:
         """What a change was, once it is told: a fault, another unit, or nothing after all."""
         evidence = change.evidence
         if not evidence.windows:
@@ -125,7 +125,7 @@ class StreamEvidence:
             self._go_over(change.onset)
         return None
 
-    def was_unit(self, change: Change, weighed: OnsetWeighed) -> bool:
+    def was_unit(self, change: StreamChange, weighed: OnsetWeighed) -> bool:
         """Whether all that has changed is the unit; if so, it is taken as another one."""
         if self.other_unit >= 0 or change.evidence.windows < TOLD_WINDOWS:
             return False
@@ -152,9 +152,9 @@ class StreamEvidence:
         return FaultEvidence(self.hypotheses, max(onset - first, 0), windows, first)
 
 
-def limits_of(models: int, rate_per_hour: float, onsets_per_hour: float) -> Limits:
+def limits_of(models: int, rate_per_hour: float, onsets_per_hour: float) -> EvidenceLimits:
     """Lower bounds: under no fault a ratio exceeds exp(x) with a probability of at most exp(-x)."""
-    return Limits(
+    return EvidenceLimits(
         math.log(models * onsets_per_hour / rate_per_hour),
         math.log(models / (rate_per_hour * START_HOURS)),
     )

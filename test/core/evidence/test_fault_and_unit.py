@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
-from flea_diag.core.evidence.hypotheses import Hypotheses, signatures_of
+from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
@@ -37,8 +37,8 @@ def columns() -> LawColumns:
     return LawColumns(RELATIONS, entries, design, 1)
 
 
-def hypotheses() -> Hypotheses:
-    return Hypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW))
+def hypotheses() -> StreamHypotheses:
+    return StreamHypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW))
 
 
 def windows(values: np.ndarray) -> list[LawWindow]:
