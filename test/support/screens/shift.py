@@ -31,6 +31,7 @@ from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
+    ChannelTable,
     Record,
     Scan,
 )
@@ -53,6 +54,8 @@ EVERY_S, FIRST_S, LASTS_S, QUIET_S = 600.0, 300.0, 60.0, 120.0
 SLEEP_S = 20.0
 """Stand time for which the stand sends nothing."""
 BLOCK_SCANS = 100
+RESTARTED = 3
+"""Fault after which the diagnosis is restarted."""
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 STALE_S = 4.0
 SIGHT_S = 60.0
@@ -130,6 +133,7 @@ class Shift:
         self._members: set[str] = set()
         self._fault = ""
         self._asleep: list[int] = []
+        self._latched: dict[type, Record] = {}
         self._start()
 
     # -- what runs
@@ -137,6 +141,8 @@ class Shift:
     def _start(self) -> None:
         desk = Desk(AlarmJournal(self._journal), "Ada")
         desk.on_remark.append(self._kept.append)
+        for record in self._latched.values():
+            desk.take(record)
         self._page = self._serve(desk)
         self._browser.open(self._page.url)
 
@@ -181,6 +187,7 @@ class Shift:
             if isinstance(record, Block):
                 continue
             self._kept.append(record)
+            self._latched[type(record)] = record
             self._page.desk.take(record)
             if isinstance(record, AmbiguityGroup):
                 self._judged(record)
@@ -208,6 +215,8 @@ class Shift:
             yield at_s + LASTS_S, self._clear
             yield at_s + LASTS_S + 20.0, lambda k=k: self._act(k)  # type: ignore[misc]
             yield at_s + LASTS_S + QUIET_S, self._end
+            if k == RESTARTED:
+                yield at_s + LASTS_S + 2.0 * QUIET_S, self._restart_diagnosis
 
     def _meanwhile(self, number: int) -> Callable[[], None]:
         """What happens while an alarm stands."""
@@ -260,8 +269,10 @@ class Shift:
         self._start()
 
     def _restart_diagnosis(self) -> None:
+        """While nothing is wrong; it is told of the channels anew, as by the latched topic."""
         self._diagnose()
         self._pipeline = make_pipeline(load_stand())
+        self._take(self._pipeline.handle(self._latched[ChannelTable]))
 
     def _sleep_stand(self) -> None:
         """Nothing arrives; the page says so, and the alarm stays."""
@@ -288,7 +299,7 @@ class Shift:
         self._asleep = []
 
     MEANWHILE = (
-        _nothing, _restart_page, _sleep_browser, _restart_diagnosis, _sleep_stand, _nothing,
+        _nothing, _restart_page, _sleep_browser, _nothing, _sleep_stand, _nothing,
     )  # fmt: skip
 
     # -- what must agree
