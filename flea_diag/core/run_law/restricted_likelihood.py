@@ -25,6 +25,9 @@ Places = npt.NDArray[np.intp]
 STEPS = 40
 """Steps of EM: the log likelihood of the FLEA's recordings then changes by less than 0.01."""
 
+CERTAIN = 1e-12
+"""Share of its variance below which the error of a coefficient is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spread:
@@ -90,4 +93,5 @@ def run_estimates(
         pull = np.matmul(kept[which], sums.gram[which])
         error[which] = np.einsum("kii->ki", kept[which])
         error[which] += np.einsum("kij,jl,kil->ki", pull, covariance, pull)
-    return apart, error
+    # Where hardly any noise makes a coefficient certain, rounding may leave an error below 0.
+    return apart, np.maximum(error, CERTAIN * variance)

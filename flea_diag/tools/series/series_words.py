@@ -50,7 +50,7 @@ QUANTITIES: dict[str, str] = {
          "id", "accelerations", "qdd", "ddq", "tcp", "pose", "cartesian", "imu", "gyro",
          "orientation", "quaternion", "quat", "qw", "qx", "qy", "qz", "timestep", "timestamp",
          "duty", "pwm", "odom", "battery", "cartesian", "jerk", "gps", "feedrate", "accuracy",
-         "variance", "covariance", "innov", "innovation", "innovations", "cpuload", "cpu", "ram"),
+         "variance", "covariance", "innov", "innovation", "innovations", "cpuload", "cpu"),
         OTHER,
     ),
 }  # fmt: skip
