@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
 
 from nicegui import Client
+from nicegui.testing.general import nicegui_reset_globals
 
 from flea_diag.web.guard import COOKIE, MOST_GUESSES
 from flea_diag.web.server import Server
@@ -20,10 +21,12 @@ TOKEN = "0123456789abcdef"
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[int]:
-    server = Server("a stand", "127.0.0.1", 0, TOKEN)
-    server.start()
-    yield server.port
-    server.close()
+    # Other pages may have been served in this process.
+    with nicegui_reset_globals():
+        server = Server("a stand", "127.0.0.1", 0, TOKEN)
+        server.start()
+        yield server.port
+        server.close()
 
 
 def status(port: int, path: str, **headers: str) -> int:

@@ -170,7 +170,7 @@ def test_a_bag_of_the_format_with_json_is_read() -> None:
     last = groups[-1]
     assert not last.summary
     assert [member.fault for member in last.members] == ["motor_current_bias"]
-    assert len(last.dropped) == 66
+    assert len(last.dropped) == 65
     first = last.members[0].evidence[-1]
     assert (first.source, first.observed, first.predicted) == ("parity_mechanical_dn", "+0", "+*")
     assert [offset.parameter for offset in last.offsets] == ["current_offset_a", "voltage_offset_v"]
