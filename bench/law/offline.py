@@ -13,13 +13,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from flea_diag.core.run_law.law_columns import FREE, NEGLECTED
 from flea_diag.core.run_law.run_sums import RunSums
 
 WIDE = 10.0
 """Prior standard deviation of a size, in its standard errors."""
-OTHER_UNIT_K = 5.0
-"""How much warmer or colder a part of another unit may be."""
 SMOOTHED = 2
 NOTHING, UNIT = "nothing", "another unit"
 
@@ -55,20 +52,6 @@ class Weighed:
     def group(self, within: float = 3.5) -> set[str]:
         """Faults within so many nats of the best."""
         return {name for name, nats in self.every.items() if self.best[1] - nats <= within}
-
-
-def unit_variance(law: Any, columns: Any) -> Any:
-    """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts.
-
-    Its sensors are other ones, on other channels: their zeros differ by the tolerance of the
-    description, whatever units on one channel have shown.
-    """
-    stated = [c.tolerance**2 if c.kind == FREE else 0.0 for c in columns.columns]
-    warm = [
-        OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
-        for t in law.terms
-    ]
-    return np.maximum(law.unit_variance, np.maximum(stated, warm))
 
 
 def weighed(

@@ -28,10 +28,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from summary import Figure, bench_parser, share, write_summary
 
+from flea_diag.core.evidence.hypotheses import unit_variance
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.visible_sizes import limit_nats, size_errors
 from flea_diag.tools.calibrate.law_windows import WindowItem
-from law.offline import unit_variance, weighed
+from law.offline import weighed
 from law.recordings import calibrated_on, design_of, imported, kinds, read_faulty, shipped
 
 RATE = 0.1

@@ -155,26 +155,19 @@ class FaultEvidence:
             h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both)
         )
 
-    def sizes(self) -> Array:
-        """Mean of the sizes of every model, shape (models, sizes)."""
-        return posterior_mean(self._every(self._alone), self._h.signatures.prior)[0]
-
     def misfit(self) -> Array:
         """Mean square that the best model leaves in each relation, shape (relations,)."""
         left = [self._left(count).min(axis=1) for count in (self._alone, self._own.shape[-1])]
         return np.asarray(np.minimum(*left))
 
     def _left(self, count: int) -> Array:
-        sums = self._every(count)
+        sums = self._sums(np.ones(len(self._own)), count)
         theta, eta = posterior_mean(sums, self._h.signatures.prior)
         whole = np.concatenate((np.ones((len(eta), 1)), -eta), axis=1)
         square = np.einsum("mi,rij,mj->rm", whole, self._own[:, :count, :count], whole)
         square -= 2.0 * np.einsum("ma,rmaj,mj->rm", theta, self._cross[..., :count], whole)
         square += np.einsum("ma,rmab,mb->rm", theta, self._gram, theta)
         return np.asarray(square / np.maximum(self._count, 1.0)[:, None])
-
-    def _every(self, count: int) -> Sums:
-        return self._sums(np.ones(len(self._own)), count)
 
     def _sums(self, scale: Array, count: int) -> Sums:
         """Sums over all relations, each by what its misfit makes of its variance."""

@@ -14,13 +14,12 @@ import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
-from flea_diag.core.evidence.white_stream import WhiteStream, WhiteWindow, weight_of
+from flea_diag.core.evidence.white_stream import WhiteStream, weight_of
 from flea_diag.core.likelihood_ratio.marginal_ratio import Sums
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals
 
 Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 ONSET_WINDOWS = 2
 """From onset to onset, about the smoothing of the readings."""
@@ -62,7 +61,7 @@ class HypothesisBank:
         """Whether the evidence is worth looking at: as often as onsets begin."""
         return self.windows % ONSET_WINDOWS == 0
 
-    def add(self, window: LawWindow) -> WhiteWindow:
+    def add(self, window: LawWindow) -> None:
         """Take one window; every second one begins an onset."""
         if self.windows and self.windows % ONSET_WINDOWS == 0:
             self._begin()
@@ -75,7 +74,6 @@ class HypothesisBank:
         unit = np.broadcast_to(white.unit, (len(since_s), *white.unit.shape))
         later = self._white.step(np.concatenate((faults, unit), axis=-1), white.gain)
         self._sum(own, later * white.scale * weight)
-        return white
 
     def weighed(self) -> Weighed:
         """Of every model and of another unit from every onset."""
