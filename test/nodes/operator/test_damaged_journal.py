@@ -181,7 +181,7 @@ def test_the_desk_goes_on_with_the_alarms_it_has(file: Path) -> None:
     desk = Desk(journal, "Ada")
     desk.take(FLAG)
     desk.take(FIRST)
-    journal._replace(sqlite3.DatabaseError("as if a page were broken"))
+    journal._file._replace(sqlite3.DatabaseError("as if a page were broken"))
     desk.tick()
     desk.tick()
     shown = desk.state.alarms

@@ -11,6 +11,7 @@ from random import Random
 import yaml
 
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal
+from flea_diag.nodes.operator.journal_file import JournalFile
 from flea_diag.tools.terminal import say
 from support.bombs.bomb import REFUSED, TOLD, Input, flea, rows, several
 from support.fuzzing import damaged
@@ -141,7 +142,7 @@ def _journal(path: Path, text: str) -> int:
     told: list[str] = []
     journal = AlarmJournal(path, say=told.append)
     row = "INSERT INTO alarm (stand, source, detected_ns, record) VALUES ('stand', 'live', 1, ?)"
-    journal._rows(row, (text,))
+    JournalFile(path, told.append).rows(row, (text,))
     alarms = journal.alarms()
     journal.close()
     say("\n".join(told) or f"{len(alarms)} alarms")
