@@ -3,10 +3,10 @@
     .venv/bin/python bench/robustness/shift.py              2 h of stand time, 12 faults
     .venv/bin/python bench/robustness/shift.py --faults 3   a shorter one, ten minutes a fault
 
-The page is restarted while an alarm stands, the diagnosis between two, browser and stand sleep, and
-somebody acknowledges, undoes, shelves, comments and marks. After each fault journal, screen, page,
-report and recording must have the same alarms, to the second. Exit status 1 where they differ, a
-fault is not named or memory grows. Needs Chromium, like the tests of the page.
+Page and diagnosis are restarted while an alarm stands, browser and stand sleep, briefly and for
+long, and somebody acknowledges, undoes, shelves, comments and marks. After each fault journal,
+screen, page, report and recording must have the same alarms, to the second. Exit status 1 where
+they differ, a fault is not named or memory grows. Needs Chromium, like the tests of the page.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Stand, diagnosis, journal, report and page are those of a live run; only time runs faster, and what
 a person at the stand does is scripted: to acknowledge, undo, shelve, comment and mark, to restart
-the page and the diagnosis, to put the browser to sleep, and to have the stand sleep.
+the page and the diagnosis, also while an alarm stands, and to put browser and stand to sleep,
+briefly and for long.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -51,8 +53,10 @@ FAULTS = (
 """Fault and size: such as are found within a minute without accelerometers."""
 EVERY_S, FIRST_S, LASTS_S, QUIET_S = 600.0, 300.0, 60.0, 120.0
 """Period of the faults, when the first comes, how long each lasts, and may be open after it."""
-SLEEP_S = 20.0
+SLEEP_S, LONG_SLEEP_S = 20.0, 300.0
 """Stand time for which the stand sends nothing."""
+ASLEEP_S = 20.0
+"""Time of the clock for which the browser sleeps: many times what the page waits for it."""
 BLOCK_SCANS = 100
 RESTARTED = 3
 """Fault after which the diagnosis is restarted."""
@@ -212,11 +216,12 @@ class Shift:
             at_s = FIRST_S + EVERY_S * k
             yield at_s, lambda k=k: self._inject(k)  # type: ignore[misc]
             yield at_s + 0.4 * LASTS_S, self._meanwhile(k)
-            yield at_s + LASTS_S, self._clear
-            yield at_s + LASTS_S + 20.0, lambda k=k: self._act(k)  # type: ignore[misc]
-            yield at_s + LASTS_S + QUIET_S, self._end
+            clear_s = self._stand.time_s + 0.6 * LASTS_S  # the stand may have slept
+            yield clear_s, self._clear
+            yield clear_s + 20.0, lambda k=k: self._act(k)  # type: ignore[misc]
+            yield clear_s + QUIET_S, self._end
             if k == RESTARTED:
-                yield at_s + LASTS_S + 2.0 * QUIET_S, self._restart_diagnosis
+                yield clear_s + 1.5 * QUIET_S, self._restart_quiet
 
     def _meanwhile(self, number: int) -> Callable[[], None]:
         """What happens while an alarm stands."""
@@ -268,16 +273,30 @@ class Shift:
         self._page.close()
         self._start()
 
-    def _restart_diagnosis(self) -> None:
+    def _restart_quiet(self) -> None:
         """While nothing is wrong; it is told of the channels anew, as by the latched topic."""
+        self._restart_with(ChannelTable)
+
+    def _restart_diagnosis(self) -> None:
+        """While an alarm stands; it goes on from the last verdict, as a live one does."""
+        self._restart_with(AmbiguityGroup, ChannelTable)
+
+    def _restart_with(self, *latched: type) -> None:
         self._diagnose()
         self._pipeline = make_pipeline(load_stand())
-        self._take(self._pipeline.handle(self._latched[ChannelTable]))
+        for kind in latched:
+            self._take(self._pipeline.handle(self._latched[kind]))
 
     def _sleep_stand(self) -> None:
+        self._silence(SLEEP_S)
+
+    def _sleep_stand_long(self) -> None:
+        self._silence(LONG_SLEEP_S)
+
+    def _silence(self, length_s: float) -> None:
         """Nothing arrives; the page says so, and the alarm stays."""
         self._diagnose()
-        woken_s = self._stand.time_s + SLEEP_S
+        woken_s = self._stand.time_s + length_s
         while self._stand.time_s < woken_s:
             self._stand.advance()
         until_s = time.monotonic() + STALE_S
@@ -292,6 +311,13 @@ class Shift:
         for pid in self._asleep:
             os.kill(pid, signal.SIGSTOP)
 
+    def _sleep_browser_long(self) -> None:
+        """Longer than the page waits for a browser that has gone."""
+        self._diagnose()
+        self._sleep_browser()
+        threading.Event().wait(ASLEEP_S)
+        self._wake_browser()
+
     def _wake_browser(self) -> None:
         for pid in self._asleep:
             with suppress(ProcessLookupError):
@@ -299,7 +325,8 @@ class Shift:
         self._asleep = []
 
     MEANWHILE = (
-        _nothing, _restart_page, _sleep_browser, _nothing, _sleep_stand, _nothing,
+        _nothing, _restart_page, _sleep_browser, _restart_diagnosis, _sleep_stand,
+        _sleep_browser_long, _sleep_stand_long, _restart_diagnosis,
     )  # fmt: skip
 
     # -- what must agree
