@@ -47,10 +47,9 @@ def config_path(name: str) -> Path:
     ConfigurationError
         There is no such file; names the folders searched, and how to name a file that is here.
     """
-    for folder in config_folders():
-        for place in (folder, folder / STANDS / DEFAULT_STAND):
-            if (place / name).exists():
-                return place / name
+    found = _shipped(name)
+    if found is not None:
+        return found
     if Path(name).exists():
         raise ConfigurationError(
             f"{name}: no such file is shipped; the file of the working directory is ./{name}"
@@ -59,6 +58,14 @@ def config_path(name: str) -> Path:
     raise ConfigurationError(
         f"{name}: no such configuration file (configuration folders found: {places})"
     )
+
+
+def _shipped(name: str) -> Path | None:
+    for folder in config_folders():
+        for place in (folder, folder / STANDS / DEFAULT_STAND):
+            if (place / name).exists():
+                return place / name
+    return None
 
 
 def is_bare(name: str | Path) -> bool:
@@ -83,16 +90,13 @@ def found_file(name_or_path: str | Path) -> Path:
 
 
 def given_file(text: str | Path) -> Path:
-    """Path of a file that a user names; a bare name that is not here is that of a shipped file.
+    """Path of a file that a user names; a bare name that is not here may be that of a shipped file.
 
-    Raises
-    ------
-    ConfigurationError
-        A bare name is neither.
+    Whoever reads it says what is missing where it is neither, and how to make it.
     """
     path = Path(text)
-    if is_bare(text):
-        return path.absolute() if path.exists() else config_path(str(text))
+    if is_bare(text) and not path.exists():
+        return _shipped(str(text)) or path.absolute()
     return path.absolute() if is_bare(path) else path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -84,18 +85,43 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(target: str, content: Any) -> None:
-    """Write JSON to a file, or to standard output for ``-``.
+    """Write JSON to a file, or to standard output for ``-``; what is not finite becomes null.
 
     Raises
     ------
     ConfigurationError
         The file cannot be written.
     """
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    text = json.dumps(_finite(content), indent=2, allow_nan=False) + "\n"
     if target == "-":
         sys.stdout.write(text)
     else:
         write_text(Path(target), text)
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for NaN and infinity, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def tell(target: str | None, content: Any, words: str) -> None:
+    """Print the words, or what they say as JSON where ``--json`` asks for it.
+
+    ``target``: None, ``-`` for JSON alone, or a file for the JSON besides the words.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    if target:
+        write_json(target, content)
+    if target != "-":
+        say(words)
 
 
 def make_folder(path: Path) -> None:

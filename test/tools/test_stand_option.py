@@ -98,6 +98,8 @@ def test_a_calibration_that_you_name_is_that_of_the_working_directory(
     assert replayed(mine.parent, "--stand", "./mine", "--calibration", "my.yaml") == digest()
     said = refused(capsys, "replay", str(BAG), "--stand", "./mine")
     assert f"mine/{CALIBRATION}: no such calibration: make it with flea calibrate " in said
+    said = refused(capsys, "replay", str(BAG), "--calibration", "none.yaml")
+    assert f"{mine.parent}/none.yaml: no such calibration: make it with flea calibrate " in said
     (mine.parent / CALIBRATION).write_text("rubbish", encoding="utf-8")
     said = refused(capsys, "replay", str(BAG), "--calibration", CALIBRATION)
     assert "calibration must be a mapping, not a text" in said

@@ -90,14 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _told(coverage: GroupCoverage, found: Sequence[CoverageScore]) -> dict[str, Any]:
     """Scores and limits in nats; None where no limit keeps the fault, or there was no alarm."""
-    limits = {f"{asked:g}": _finite(coverage.limit_nats(asked)) for asked in STATED}
-    rows = [{"fault": each.fault, "nats": _finite(each.nats)} for each in found]
+    limits = {f"{asked:g}": coverage.limit_nats(asked) for asked in STATED}
+    rows = [{"fault": each.fault, "nats": each.nats} for each in found]
     counts = {"runs": coverage.runs, "missed": coverage.missed}
     return {**counts, "limits_nats": limits, "scores": rows}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _scores(cases: Sequence[Case], stand: Stand) -> Iterator[CoverageScore]:

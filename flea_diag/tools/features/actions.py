@@ -6,7 +6,9 @@ import argparse
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
 
 from flea_diag.configuration.files import given_file
 from flea_diag.configuration.knowledge import load_features
@@ -16,30 +18,33 @@ from flea_diag.core.vibration.features import FEATURES, FeatureId
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.extra import require
 from flea_diag.tools.features import bearing, bench
-from flea_diag.tools.features.judge import judge, pair_report, report
+from flea_diag.tools.features.judge import judge, judge_pairs, pair_report, report
 from flea_diag.tools.features.learning import candidates, learn_table
 from flea_diag.tools.features.runs import labelled_runs, seeds_of, stand_of
 from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.features.stand import SEVERITIES
 from flea_diag.tools.features.tree_picture import draw_tree
 from flea_diag.tools.planned_runs import check_planned
-from flea_diag.tools.terminal import progress, say
+from flea_diag.tools.terminal import progress, say, tell
 
 
-def _list(_: argparse.Namespace) -> int:
-    say(f"{'feature id':38s}{'unit':9s}{'cost':>6s}  meaning")
-    for row in FEATURES.values():
-        name = row.scope.value + row.name
-        say(f"{name:38s}{row.unit:9s}{row.cost:6.1f}  {row.words}")
+def _list(arguments: argparse.Namespace) -> int:
+    rows = [
+        {"id": row.scope.value + row.name, "unit": row.unit, "cost": row.cost, "meaning": row.words}
+        for row in FEATURES.values()
+    ]
+    lines = [f"{'feature id':38s}{'unit':9s}{'cost':>6s}  meaning"]
+    lines += ["{id:38s}{unit:9s}{cost:6.1f}  {meaning}".format(**row) for row in rows]
+    tell(arguments.json, rows, "\n".join(lines))
     return 0
 
 
-def _bench(_: argparse.Namespace) -> int:
-    costs = bench.costs_s()
-    say(f"{'feature':30s}{'us':>9s}{'of std':>9s}   (one accelerometer, 1 s x 3 axes, 20 kHz)")
-    for name, cost in costs.items():
-        say(f"{name:30s}{cost * 1e6:9.0f}{cost / costs['std']:9.1f}")
-    say(f"{'whole library, both, shared':30s}{bench.library_s() * 1e6:9.0f}")
+def _bench(arguments: argparse.Namespace) -> int:
+    costs, library_s = bench.costs_s(), bench.library_s()
+    lines = [f"{'feature':30s}{'us':>9s}{'of std':>9s}   (one accelerometer, 1 s x 3 axes, 20 kHz)"]
+    lines += [f"{n:30s}{cost * 1e6:9.0f}{cost / costs['std']:9.1f}" for n, cost in costs.items()]
+    lines.append(f"{'whole library, both, shared':30s}{library_s * 1e6:9.0f}")
+    tell(arguments.json, {"cpu_s": costs, "library_cpu_s": library_s}, "\n".join(lines))
     return 0
 
 
@@ -51,12 +56,11 @@ def _tree(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"--rarest {arguments.rarest:g} must lie between 0 and 1")
     chooser = FeatureChooser(table, arguments.strategy)
     root = build(dict.fromkeys(faults, 1.0), chooser, rarest=arguments.rarest)
-    say(render(root))
     if arguments.draw:
         draw_tree(root, arguments.draw)
-    for group in table.inseparable(faults):
-        if len(group) > 1:
-            say(f"not separable by this table: {', '.join(group)}")
+    groups = [group for group in table.inseparable(faults) if len(group) > 1]
+    lines = [render(root), *(f"not separable by this table: {', '.join(g)}" for g in groups)]
+    tell(arguments.json, {"tree": asdict(root), "not_separable": groups}, "\n".join(lines))
     return 0
 
 
@@ -68,7 +72,9 @@ def _train(arguments: argparse.Namespace) -> int:
     samples = [sample for run in runs for sample in run.samples]
     network = train(samples, candidates(samples), source)
     write_classifier(arguments.output, network)
-    say(f"{arguments.output}: {len(network.features)} features, {len(network.faults)} classes")
+    content = {"output": str(arguments.output), "features": network.features}
+    words = f"{arguments.output}: {len(network.features)} features, {len(network.faults)} classes"
+    tell(arguments.json, {**content, "classes": network.faults}, words)
     return failed
 
 
@@ -79,26 +85,32 @@ def _judge(arguments: argparse.Namespace) -> int:
     runs, source, failed = labelled_runs(
         arguments, table.nominal.orders, [f for f in group if f in SEVERITIES], nominal=False
     )
-    say(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
-    say(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
+    walks = judge(runs, table, group, arguments.strategy, arguments.windows)
+    lines = [f"{arguments.table} on {source}, group {{{', '.join(group)}}}", report(walks)]
+    content: dict[str, Any] = {"table": arguments.table, "runs_of": source, "group": group}
+    content["walks"] = [asdict(walk) for walk in walks]
     if arguments.pairs:
-        say(pair_report(runs, table, group, arguments.strategy, arguments.windows))
+        pairs = judge_pairs(runs, table, group, arguments.strategy, arguments.windows)
+        lines.append(pair_report(pairs))
+        content["pairs"] = {" | ".join(p): [asdict(walk) for walk in w] for p, w in pairs.items()}
     if arguments.classifier:
-        _compare(arguments, runs, group)
+        words, content["classifier"] = _compared(arguments, runs, group)
+        lines.append(words)
+    tell(arguments.json, content, "\n".join(lines))
     return failed
 
 
-def _compare(
+def _compared(
     arguments: argparse.Namespace, runs: Sequence[FeatureRun], group: Sequence[str]
-) -> None:
-    """Print the score of the classifier on the same windows, and the cost of its features."""
+) -> tuple[str, list[dict[str, Any]]]:
+    """Score of the classifier on the same windows, with the cost of its features; its answers."""
     from flea_diag.tools.features.classifier import call, call_report, read_classifier
 
     network = read_classifier(arguments.classifier)
     called = call(runs, network, group, arguments.windows)
     cost = math.fsum(FeatureId.parse(feature).feature.cost for feature in network.features)
-    say(f"classifier {arguments.classifier}, {len(network.features)} features, cost {cost:.0f}")
-    say(call_report(called))
+    head = f"classifier {arguments.classifier}, {len(network.features)} features, cost {cost:.0f}"
+    return f"{head}\n{call_report(called)}", [asdict(each) for each in called]
 
 
 def _study(arguments: argparse.Namespace) -> int:
@@ -124,7 +136,8 @@ def _study(arguments: argparse.Namespace) -> int:
         progress(len(runs), count, said)
         if arguments.json:
             told.write_study(arguments.json, runs)  # after each run, against an interruption
-    say(told.study_report(runs))
+    if arguments.json != "-":
+        say(told.study_report(runs))
     if arguments.draw:
         told.draw_study(arguments.draw, runs)
     return 0
@@ -134,14 +147,25 @@ def _bearing(arguments: argparse.Namespace) -> int:
     files = [arguments.normal, *arguments.faulty]
     normal, *faulty = (bearing.read_bearing(p, arguments.rate, arguments.rpm) for p in files)
     found = bearing.judge(normal, faulty, arguments.window, arguments.false_alarm_rate)
-    say(f"{'feature':40s}{'false':>7s}" + "".join(f"{r.name[-14:]:>16s}" for r in faulty))
+    named = {r.name: Counter(bearing.lines(r)) for r in (normal, *faulty)}
+    rows = [
+        {"feature": row.feature, "false_alarms": row.false_alarms, "detected": dict(row.detected)}
+        for row in found
+    ]
+    content = {"features": rows, "lines": named}
+    tell(arguments.json, content, "\n".join(_bearing_lines(found, [r.name for r in faulty], named)))
+    return 0
+
+
+def _bearing_lines(
+    found: Sequence[bearing.Judgement], names: Sequence[str], named: Mapping[str, Counter[str]]
+) -> Iterator[str]:
+    yield f"{'feature':40s}{'false':>7s}" + "".join(f"{name[-14:]:>16s}" for name in names)
     for row in found:
         detected = "".join(f"{share:16.3f}" for share in row.detected.values())
-        say(f"{row.feature:40s}{row.false_alarms:7.3f}{detected}")
-    for recording in (normal, *faulty):
-        names = Counter(bearing.lines(recording))
-        say(f"{recording.name}: " + ", ".join(f"{n} x {name}" for name, n in names.items()))
-    return 0
+        yield f"{row.feature:40s}{row.false_alarms:7.3f}{detected}"
+    for name, counts in named.items():
+        yield f"{name}: " + ", ".join(f"{n} x {line}" for line, n in counts.items())
 
 
 def _known(faults: Iterable[str], known: Iterable[str], what: str) -> None:

@@ -27,8 +27,10 @@ STRATEGIES = "paper, balanced, information or optimal"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea features``."""
     commands = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    commands.add_parser("list", help="list ids, units, relative costs and meanings")
-    commands.add_parser("bench", help="measure the CPU time of each feature (1 s x 6 axes, 20 kHz)")
+    listed = commands.add_parser("list", help="list ids, units, relative costs and meanings")
+    add_json(listed, "the list")
+    measured = commands.add_parser("bench", help="measure each feature's CPU time, 1 s at 20 kHz")
+    add_json(measured, "the times in seconds")
     _learn_arguments(commands.add_parser("learn", help="learn a table from labelled bags"))
     _judge_arguments(commands.add_parser("judge", help="score a table on runs not learned from"))
     tree = commands.add_parser("tree", help="print the diagnosis tree of a table")
@@ -41,10 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rarest", type=float, default=0.005, help="least probability of a branch (%(default)s)"
     )
     tree.add_argument("--draw", type=Path, metavar="OUT", help="draw the tree: .svg, .png or .pdf")
+    add_json(tree, "the tree")
     train = commands.add_parser("train", help="train the feature-only classifier on labelled bags")
     _run_arguments(train)
     add_stand(train)
     train.add_argument("-o", "--output", type=Path, required=True, help="JSON file to write")
+    add_json(train, "features and classes")
     _study_arguments(commands.add_parser("study", help="score the diagnosis on simulated runs"))
     found = commands.add_parser("bearing", help="test features on bearing recordings")
     found.add_argument("normal", type=Path, help="MATLAB file of a healthy bearing")
@@ -64,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.01,
         help="share of nominal windows outside the range of a feature (%(default)s)",
     )
+    add_json(found, "false alarms and detections of each feature")
 
 
 def _learn_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,6 +85,7 @@ def _learn_arguments(parser: argparse.ArgumentParser) -> None:
         "--most", type=count, default=18, help="largest number of features (%(default)s)"
     )
     parser.add_argument("--title", default="learned fault feature table", help="title of the table")
+    add_json(parser, "the ranking of the features")
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -116,6 +122,7 @@ def _judge_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strategy", default="optimal", help=f"choice of features: {STRATEGIES} (%(default)s)"
     )
+    add_json(parser, "the walk of each run")
 
 
 def _run_arguments(parser: argparse.ArgumentParser) -> None:

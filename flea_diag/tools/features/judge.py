@@ -70,17 +70,21 @@ def _symbol(table: FaultFeatureTable, sample: Sample, feature: str) -> str:
     return table.nominal.symbol(feature, value, sample.point)
 
 
-def pair_report(
+def judge_pairs(
     runs: Sequence[FeatureRun],
     table: FaultFeatureTable,
     group: Sequence[str],
     strategy: str = "optimal",
     windows: int = 1,
-) -> str:
+) -> dict[tuple[str, str], list[Walk]]:
+    """Walks from a group of two faults, for each two of the group."""
+    return {pair: judge(runs, table, pair, strategy, windows) for pair in combinations(group, 2)}
+
+
+def pair_report(pairs: Mapping[tuple[str, str], Sequence[Walk]]) -> str:
     """Table of all pairs of the group: runs resolved from a group of these two faults."""
     lines = [f"{'pair':48s}{'n':>5s}{'resolved':>10s}{'95 %':>17s}{'kept':>7s}"]
-    for pair in combinations(group, 2):
-        walks = judge(runs, table, pair, strategy, windows)
+    for pair, walks in pairs.items():
         n, hits = len(walks), sum(row.resolved for row in walks)
         if walks:
             low, high = wilson(hits, n)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from flea_diag.tools.features import bench
 from flea_diag.tools.features.runs import labelled_runs, stand_of
 from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
-from flea_diag.tools.terminal import say, warn
+from flea_diag.tools.terminal import tell, warn
 
 KEPT = (
     "accelerometer_1_std",
@@ -96,8 +97,10 @@ def learn_table(arguments: argparse.Namespace) -> int:
         learned, chosen, answers, costs, levels, _unaffected(learned, stand), making
     )
     write_table(arguments.output, mapping, _header(arguments, making, learned))
-    _print_ranking(ranking, chosen, learned)
-    say(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
+    words = f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned"
+    rows = [{**asdict(score), "chosen": score.feature in chosen} for score in ranking]
+    content = {"output": str(arguments.output), "faults": learned.faults, "features": rows}
+    tell(arguments.json, content, "\n".join((*_ranking_lines(ranking, chosen, learned), words)))
     return failed
 
 
@@ -181,7 +184,7 @@ def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, Nom
             )
         elif observed_rate(count) > rate:
             hourly = observed_rate(count) / rate * LEVEL_ALARMS_PER_HOUR
-            say(
+            warn(
                 f"{section}: {count} healthy runs show {hourly:.2g} false alarms an hour at best; "
                 f"the stated {LEVEL_ALARMS_PER_HOUR:g} is extrapolated, {2.0 / rate:.2g} runs "
                 "would show it"
@@ -213,19 +216,19 @@ def _header(arguments: argparse.Namespace, making: Making, learned: FeatureStati
     ]
 
 
-def _print_ranking(
+def _ranking_lines(
     ranking: Sequence[Score], chosen: Mapping[str, Ends], learned: FeatureStatistics
-) -> None:
-    """Print every feature with its scores, its measured cost, and its closest feature chosen."""
+) -> Iterator[str]:
+    """Every feature with its scores, its measured cost, and its closest feature chosen."""
     spent_s = bench.costs_s(repeats=3)
     head = f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}{'us':>7s}"
-    say(head + "  correlated with")
+    yield head + "  correlated with"
     for score in ranking:
         mark = "*" if score.feature in chosen else ""
         others = [name for name in chosen if name != score.feature]
         name, correlation = nearest(learned, score.feature, others)
         spent = spent_s[FeatureId.parse(score.feature).feature.name] * 1e6
-        say(
+        yield (
             f"{mark:2s}{score.feature:40s}{score.variance_ratio:8.2f}{score.auc:7.3f}"
             f"{score.information_bit:6.2f}{score.cost:6.1f}{spent:7.0f}  {correlation:.2f} {name}"
         )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from flea_diag.tools.terminal import say, write_text
+from flea_diag.tools.argument import add_json
+from flea_diag.tools.terminal import tell, write_text
 
 if TYPE_CHECKING:
     from flea_diag.operator.state import OperatorState
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--language", "--lang", default="en", metavar="CODE",
         help="language of the report: en, de, or a file of texts (default: %(default)s)",
     )  # fmt: skip
+    add_json(parser, "alarms, what was done, and marks")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -58,8 +60,17 @@ def run(arguments: argparse.Namespace) -> int:
     write_text(target, shift_report(states, ", ".join(states), made_ns, facts))
     alarms = sum(len(state.alarms) for state in states.values())
     marks = sum(len(state.marks) for state in states.values())
-    say(f"{target}: {alarms} alarms, {marks} marks")
+    content = {"report": str(target), "stands": {n: _content(s) for n, s in states.items()}}
+    tell(arguments.json, content, f"{target}: {alarms} alarms, {marks} marks")
     return 0
+
+
+def _content(state: OperatorState) -> dict[str, Any]:
+    """Alarms with what was done, and marks, of one stand."""
+    from dataclasses import asdict
+
+    rows = {"alarms": state.alarms, "marks": state.marks}
+    return {name: [asdict(row) for row in found] for name, found in rows.items()}
 
 
 def _target(bags: list[Path]) -> Path:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
@@ -86,15 +85,7 @@ def as_text(table: list[Summary]) -> str:
 
 def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
     content = {
-        "summaries": [_finite(asdict(row)) for row in table],
-        "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
+        "summaries": [asdict(row) for row in table],
+        "runs": [{**asdict(row), "distance": row.distance} for row in rows],
     }
     write_json(path, stamped("realism report", content))
-
-
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """Row with null instead of NaN, which JSON does not have."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row.items()
-    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -24,16 +23,7 @@ def as_mapping(page: StandPage) -> dict[str, Any]:
         "missing_hours": page.missing_hours,
         "missing_recordings": page.missing_recordings,
     }
-    cleaned: dict[str, Any] = _finite(plain)
-    return cleaned
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return plain
 
 
 def as_text(page: StandPage) -> str:

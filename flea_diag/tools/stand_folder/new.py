@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, FleaError
-from flea_diag.tools.argument import positive
-from flea_diag.tools.terminal import IN_PART, say, warn, writing
+from flea_diag.tools.argument import add_json, positive
+from flea_diag.tools.terminal import IN_PART, tell, warn, writing
 from flea_diag.wire.whole_file import new_folder
 
 if TYPE_CHECKING:
     from flea_diag.tools.stand_folder.channel_choice import GivenChannel
-    from flea_diag.tools.stand_folder.proposal import ChannelProposal, StandProposal
 
 SUMMARY = "write the folder of a stand from one of its recordings, every guess marked"
 FLEA_SUFFIX = ".data"
@@ -68,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="rate of the rows of a table without times; otherwise that of the scans",
     )
+    add_json(parser, "what was taken for what, with doubts")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -77,24 +77,30 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"{folder} exists and is not empty: name a new folder")
     recording: Path = arguments.recording
     if recording.name.endswith(FLEA_SUFFIX):
-        return _of_the_flea(folder, recording, arguments.template)
+        tell(arguments.json, *_of_the_flea(folder, recording, arguments.template))
+        return 0
     from flea_diag.tools.series.reading_grid import reading_grid
     from flea_diag.tools.series.series_reader import recorded_series
     from flea_diag.tools.stand_folder.channel_file import channel_file
     from flea_diag.tools.stand_folder.folder_files import template_texts
     from flea_diag.tools.stand_folder.proposal import proposal
+    from flea_diag.tools.stand_folder.proposal_page import as_mapping, as_text
 
     recorded = recorded_series(recording)
     grid = reading_grid(recorded, arguments.rate, arguments.joint, arguments.group)
     found = proposal(grid, arguments.template, _given(arguments.channel))
     texts = template_texts(found.template, folder, recording.name, found)
     _write(folder, {**texts, "channels.yaml": channel_file(found)})
-    _print(folder, recording, found)
-    return _tried(folder, recording)
+    told, refused = _tried(folder, recording)
+    content = {"stand": str(folder), **as_mapping(found), "refused": refused}
+    tell(arguments.json, content, "\n".join([as_text(folder, recording, found), *told]))
+    if refused:
+        warn(refused)
+    return IN_PART if refused else 0
 
 
-def _of_the_flea(folder: Path, recording: Path, wanted: str) -> int:
-    """The text format of the FLEA needs no mapping."""
+def _of_the_flea(folder: Path, recording: Path, wanted: str) -> tuple[dict[str, Any], str]:
+    """The text format of the FLEA needs no mapping; what was written, as JSON and in words."""
     from flea_diag.tools.recordings.flea_data import read_flea_data
     from flea_diag.tools.stand_folder.folder_files import shown_folder, template_texts
     from flea_diag.tools.stand_folder.template import template
@@ -103,9 +109,11 @@ def _of_the_flea(folder: Path, recording: Path, wanted: str) -> int:
     kind = template(wanted or "dc_screw")
     texts = template_texts(kind, folder, recording.name, None)
     _write(folder, {**texts, "channels.yaml": FLEA_TEXT})
-    say(f"{folder}: {kind.title} (template {kind.name}), text format of the FLEA")
-    say(f"next: flea import --stand {shown_folder(folder)} {recording} -o bags")
-    return 0
+    content = {"stand": str(folder), "template": kind.name, "format": "flea_text"}
+    return content, (
+        f"{folder}: {kind.title} (template {kind.name}), text format of the FLEA\n"
+        f"next: flea import --stand {shown_folder(folder)} {recording} -o bags"
+    )
 
 
 def _given(said: list[str]) -> dict[str, GivenChannel]:
@@ -136,77 +144,8 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
             (fresh / name).write_text(text, encoding="utf-8")
 
 
-def _print(folder: Path, recording: Path, found: StandProposal) -> None:
-    """One page: what was taken for what, what to check, and how to go on."""
-    from flea_diag.tools.stand_folder.folder_files import shown_folder
-    from flea_diag.tools.stand_folder.seen_values import seen_values
-
-    kind, rate = found.template, found.rate_hz
-    say(f"{folder}: {kind.title} (template {kind.name}), {rate:g} scans a second{_joint(found)}")
-    say()
-    rows = [("channel", "source", "unit", "sign", "sure", "check"), *map(_cells, found.channels)]
-    widths = [max(len(row[k]) for row in rows) for k in range(6)]
-    for row in rows:
-        say(
-            "  "
-            + "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-        )
-    missing = [n for n in kind.model.sensors if n not in {each.channel for each in found.channels}]
-    say()
-    if missing:
-        say(f"not recorded: {', '.join(missing)}")
-    if found.unused:
-        say(f"not used: {', '.join(name for name, _ in found.unused[:8])}"
-            f"{f' and {len(found.unused) - 8} more' if len(found.unused) > 8 else ''}")  # fmt: skip
-    for words in (*found.grid.notes, *_doubts(found)):
-        say(f"note: {words}")
-    for words in seen_values(found):
-        say(f"seen: {words}")
-    name = shown_folder(folder)
-    say(f"check in {name}/channels.yaml the lines that say check; positive must extend")
-    say(f"check in {name}/actuator.yaml screw or gear ratio and travel")
-    say()
-    say(f"next: flea import --stand {name} {recording} -o bags")
-    say(f"      flea calibrate bags/* --stand {name} -o {name}/calibration.yaml   (nominal bags)")
-    say(f"      flea replay bags/NAME --stand {name}")
-
-
-def _joint(found: StandProposal) -> str:
-    joint, others = found.grid.joint, found.grid.joints
-    if not joint:
-        return ""
-    of = f" of {', '.join(others[:8])} (--joint takes another)" if len(others) > 1 else ""
-    return f", joint {joint}{of}"
-
-
-def _cells(each: ChannelProposal) -> tuple[str, ...]:
-    """Cells of a channel; what is doubtful is marked where it stands."""
-    doubts = {words.partition(" ")[0] for words in each.doubts}
-    source = each.source.name if len(each.source.name) <= 60 else f"...{each.source.name[-57:]}"
-    texts = {"source": source, "unit": each.unit, "sign": "+" if each.sign > 0 else "-"}
-    marked = [f"{text} (check)" if key in doubts else text for key, text in texts.items()]
-    told = (d for d in each.doubts if " " in d or d not in texts)
-    return (each.channel, *marked, f"{each.confidence:.0%}", ", ".join(told))
-
-
-def _doubts(found: StandProposal) -> list[str]:
-    """What is doubtful about the whole."""
-    said = []
-    if found.rivals:
-        said.append(
-            f"check: template {found.template.name}; {' or '.join(found.rivals)} fits as well "
-            "(--template)"
-        )
-    if not found.moves:
-        said.append(
-            "check: nothing moves in this recording, so that neither signs nor units can be held "
-            "against each other: take one with motion both ways"
-        )
-    return said
-
-
-def _tried(folder: Path, recording: Path) -> int:
-    """Whether the recording can be imported by what was written; if not, why."""
+def _tried(folder: Path, recording: Path) -> tuple[list[str], str]:
+    """What is to be said of an import by what was written, and why there can be none."""
     from flea_diag.configuration.channels import channel_sources
     from flea_diag.configuration.stand import load_stand
     from flea_diag.tools.recordings.mapped_source import mapped_recordings
@@ -214,9 +153,8 @@ def _tried(folder: Path, recording: Path) -> int:
     try:
         mapping = channel_sources(load_stand(folder.absolute()))
         count = sum(1 for _ in mapped_recordings(recording, mapping))
-        if count > 1:
-            say(f"note: {recording.name} holds {count} recordings, flea import makes a bag of each")
     except FleaError as error:
-        warn(str(error))
-        return IN_PART
-    return 0
+        return [], str(error)
+    if count == 1:
+        return [], ""
+    return [f"note: {recording.name} holds {count} recordings, flea import makes a bag of each"], ""

@@ -236,7 +236,8 @@ def test_a_configuration_that_fails_leaves_the_node_unconfigured(domain: int) ->
     with Process(command, domain) as process, Peer(domain) as peer:
         peer.until(lambda: peer.node.count_publishers("/observer/state") > 0, LIMIT_S)
         assert not peer.change_state("observer", "configure")
-        process.wait_for("transition configure failed: none: no such configuration file", LIMIT_S)
+        failed = process.wait_for("transition configure failed", LIMIT_S)
+        assert "none: no such calibration: make it with flea calibrate" in failed
         assert peer.state("observer") == "unconfigured"
         assert process.signal(signal.SIGINT) == 0
 
@@ -247,7 +248,8 @@ def test_a_configuration_that_fails_ends_a_node_that_starts_itself_with_one_line
     command = node("flea_diag.nodes.observer", "-p", "calibration:=none")
     with Process(command, domain) as process:
         assert process.end() == 2
-    assert process.output.startswith("flea_diag: none: no such configuration file")
+    assert process.output.startswith("flea_diag: ")
+    assert "none: no such calibration: make it with flea calibrate" in process.output
     assert len(process.output.splitlines()) == 1, process.output
 
 
