@@ -47,8 +47,8 @@ PAGES = (
         "The fault scenarios of Narasimhan et al. 2010, Table 4, on simulated units that are drawn "
         "anew for each run. The paper's own results are from the hardware; real and simulated "
         "runs are never added up.",
-        ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity", "nominal_10h",
-         "travel", "live"),
+        ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity", "coverage",
+         "nominal_10h", "travel", "live"),
     ),
     ResultPage(
         "vibration",

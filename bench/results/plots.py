@@ -1,7 +1,8 @@
 """Pictures of kept results, as SVG text.
 
 Shares with their intervals, detection over the size of a fault, how often the group held the
-fault, and what grows or shrinks with the number of recordings of a calibration.
+fault against the coverage that was stated, and what grows or shrinks with the number of
+recordings of a calibration.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ _EACH = re.compile(r"of (\d+) (?:cases |runs )?at each size")
 
 
 _GROWN = re.compile(r"(?:(?P<what>.+), )?(?P<count>\d+) recordings(?:: (?P<more>.+))?")
-COVERED = "in the group"
-"""How the name of a row ends that says how often the fault was in the group."""
+_STATED = re.compile(r"stated (\d+(?:\.\d+)?) %")
+SIDE, SHOWN_FROM = 260, 40.0
+"""Length of an axis of stated and measured coverage, and where it begins, per cent."""
 FEWEST_STEPS = 3
 
 
@@ -53,11 +55,10 @@ def plots(kept: KeptResult) -> dict[str, str]:
     """End of a file's name -> its picture; nothing where a table says it all."""
     found = {}
     shares = [row for row in kept.rows if row.right is not None and row.count]
-    covered = [row for row in shares if row.name.endswith(COVERED)]
     if FEWEST <= len(shares) <= MOST:
         found["shares"] = share_plot(kept.title, shares)
-    elif FEWEST <= len(covered) <= MOST:
-        found["coverage"] = share_plot(f"{kept.title}: coverage", covered)
+    if stated := coverage(kept):
+        found["coverage"] = coverage_plot(kept.title, stated)
     if grown := growth(kept):
         found["growth"] = growth_plot(kept.title, grown)
     ladders = {row.name: rungs for row in kept.rows if len(rungs := ladder(row, kept)) > 1}
@@ -77,6 +78,12 @@ def growth(kept: KeptResult) -> dict[str, tuple[Grown, ...]]:
             step = Grown(int(name["count"]), row.value, low, high)
             found.setdefault(f"{what} [{row.unit}]", []).append(step)
     return {what: tuple(rows) for what, rows in found.items() if len(rows) >= FEWEST_STEPS}
+
+
+def coverage(kept: KeptResult) -> list[tuple[float, KeptRow]]:
+    """Stated coverage in per cent, and the row of how often the group held the fault."""
+    rows = ((_STATED.match(row.name), row) for row in kept.rows)
+    return [(float(said[1]), row) for said, row in rows if said and row.value is not None]
 
 
 def ladder(row: KeptRow, kept: KeptResult) -> tuple[Rung, ...]:
@@ -123,6 +130,29 @@ def ladder_plot(title: str, ladders: dict[str, tuple[Rung, ...]]) -> str:
     for x, colour, words in ((20, BLUE, "detected"), (160, ORANGE, "right")):
         parts += [_line(x, y - 4, x + 24, y - 4, colour, 2.0), _text(x + 30, y, words)]
     return _svg(f"{title}: shares over the size of the fault", WIDTH, y + 10, parts)
+
+
+def coverage_plot(title: str, stated: list[tuple[float, KeptRow]]) -> str:
+    """Measured over stated coverage with intervals; on the line both are the same."""
+    left, low = 60.0, MARGIN + SIDE
+
+    def place(share: float) -> float:
+        return SIDE * (share - SHOWN_FROM) / (100.0 - SHOWN_FROM)
+
+    parts = [_line(left, low, left + SIDE, low - SIDE, GREY, 1.0)]
+    parts.append(f'<path d="M{left} {MARGIN}V{low}H{left + SIDE}" {_stroke(GREY, 1.0)}/>')
+    for share in (40, 60, 80, 100):
+        parts.append(_text(left + place(share), low + 16, f"{share} %", "middle"))
+        parts.append(_text(left - 6, low - place(share) + 4, f"{share} %", "end"))
+    for said, row in stated:
+        assert row.value is not None
+        x, ends = left + place(said), (row.low, row.high)
+        high_low = [low - place(row.value if end is None else end) for end in ends]
+        parts.append(_line(x, high_low[0], x, high_low[1], BLUE, 2.0))
+        parts.append(f'<circle cx="{x:.1f}" cy="{low - place(row.value):.1f}" r="4"/>')
+    parts.append(_text(left + SIDE / 2, low + 34, "stated coverage", "middle"))
+    parts.append(_text(left + 8, MARGIN + 10, "measured: fault in the group"))
+    return _svg(f"{title}: measured over stated", WIDTH, low + 46, parts)
 
 
 def growth_plot(title: str, grown: dict[str, tuple[Grown, ...]]) -> str:
