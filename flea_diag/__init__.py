@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 
 _PLACES = {
     "open": ("opening", "open_recording"),
+    "open_liu_ice": ("liu_ice", "open_liu_ice"),
     "Recording": ("recording", "Recording"),
     "Table": ("table", "Table"),
     "Stand": ("stand", "StandFolder"),

@@ -1,6 +1,7 @@
 from flea_diag.api.calibrated import Calibrated, calibrate
 from flea_diag.api.diagnose import diagnose
 from flea_diag.api.diagnosis import Diagnosis, EpisodeResult, PossibleFault
+from flea_diag.api.liu_ice import open_liu_ice
 from flea_diag.api.opening import open_recording as open
 from flea_diag.api.recording import Recording
 from flea_diag.api.simulate import simulate
@@ -24,5 +25,6 @@ __all__ = [
     "calibrate",
     "diagnose",
     "open",
+    "open_liu_ice",
     "simulate",
 ]
