@@ -124,6 +124,7 @@ def _at(place: str, value: Any, read: Reader) -> Any:
         raise Refusal(f"{place}{words}") from None
 
 
+@cache
 def _reader(hint: Any, rules: FieldRules, limits: FieldLimits) -> Reader:
     """What reads a value of a type; the limits hold for each number and each text in it."""
     if hint is Any or hint is object:
