@@ -47,7 +47,7 @@ PAGES = (
         "The fault scenarios of Narasimhan et al. 2010, Table 4, on simulated units that are drawn "
         "anew for each run. The paper's own results are from the hardware; real and simulated "
         "runs are never added up.",
-        ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity", "coverage",
+        ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity",
          "nominal_10h", "travel", "live"),
     ),
     ResultPage(
