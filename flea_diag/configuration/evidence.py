@@ -10,18 +10,21 @@ from flea_diag.configuration.knowledge import effects, knowledge
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
-from flea_diag.core.faults.fault import Fault
+from flea_diag.core.isolation.detectability import shows_from
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
+from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.run_law.law_columns import law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.errors import ConfigurationError
-from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
 from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
+from flea_diag.stages.evidence.evidence_verdict import VerdictKnowledge
 from flea_diag.stages.evidence.residual_source import ResidualSource
+from flea_diag.stages.evidence.sensor_modes import Motion, SensorKnowledge
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import limits_of
+from flea_diag.stages.isolator.parameters import Knowledge
 from flea_diag.stages.observer.regressor_table import answers_of
 from flea_diag.stages.pipeline import Pipeline
 
@@ -32,7 +35,7 @@ class EvidenceStand:
 
     calibration: Calibration
     effects: EffectSet
-    faults: dict[str, Fault]
+    sensors: SensorKnowledge
     law: RunLaw
     knowledge: EvidenceKnowledge
 
@@ -47,8 +50,7 @@ class EvidenceStand:
             self.law.relations, frozenset(rows.in_motion), signal_names(known),
             (current, load, way), calibration.period_s, scans,
         )  # fmt: skip
-        alarms = SensorAlarms([row.name for row in rows.sensor_rows], self.faults)
-        judge = EvidenceStage(self.knowledge, columns, alarms)
+        judge = EvidenceStage(self.knowledge, columns, self.sensors)
         return Pipeline((ResidualSource(calibration, known, answers), judge))
 
 
@@ -65,7 +67,6 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     order = [columns.names.index(term.name) for term in law.terms]
     assert order == sorted(order)
     signatures = signatures_of(known.bound(parameters), names, law)
-    faults = knowledge(stand, calibration).faults
     made = tuple(
         StreamHypotheses.of(law, columns, signatures, another) for another in (False, True)
     )
@@ -74,9 +75,27 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
         calibration.false_alarms_per_hour,
         ONSETS_PER_HOUR,
     )
-    return EvidenceStand(
-        calibration, known, dict(faults), law, EvidenceKnowledge((made[0], made[1]), limits)
-    )
+    told = knowledge(stand, calibration)
+    verdict = VerdictKnowledge(
+        signatures.models, law.relations, told.faults, told.calibration_sha256,
+        calibration.promise.stated_per_hour, calibration.promise.supported_per_hour,
+        shows_from(law.visible),
+    )  # fmt: skip
+    judged_by = EvidenceKnowledge((made[0], made[1]), limits, verdict)
+    return EvidenceStand(calibration, known, _sensors(told), law, judged_by)
+
+
+def _sensors(told: Knowledge) -> SensorKnowledge:
+    """What tests of single sensors say: those of the diagnosis, and when a reading moves."""
+    calibration, rows, names = told.calibration, told.effects.residuals, told.effects.names
+    slow, per_rad = calibration.parameters.moving_m_s, calibration.parameters.encoder_m_per_rad
+    speeds = {name: Motion(rate_symbol(name), slow) for name in rows.positions}
+    if per_rad:
+        speeds[rows.encoder] = Motion(rows.encoder, slow / per_rad)
+    motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
+    tests = frozenset(row.name for row in rows.sensor_rows)
+    unseen = told.symptoms.death_unseen
+    return SensorKnowledge(tests, told.faults, motion, unseen, calibration.period_s)
 
 
 def evidence_of(stand: Stand, law: RunLaw | None = None) -> EvidenceStand:

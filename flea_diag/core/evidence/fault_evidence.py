@@ -19,7 +19,12 @@ from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import WhiteStream, standardised, weight_of
-from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio, posterior_mean
+from flea_diag.core.likelihood_ratio.marginal_ratio import (
+    Sums,
+    marginal_ratio,
+    posterior,
+    posterior_mean,
+)
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals
 
@@ -60,6 +65,13 @@ class OnsetWeighed(NamedTuple):
         Of another unit over nothing.
     healthy, healthy_unit
         Of what healthy recordings feign of every model, over nothing and over another unit.
+    size, sigma
+        Of every model and its standard error, shape (models, sizes).
+    left
+        Mean square that every model leaves in each relation, in the variance of its noise, shape
+        (relations, models); ``shown`` of none of them, shape (relations,).
+    windows
+        Number of each relation, shape (relations,).
     """
 
     alone: Array
@@ -67,6 +79,11 @@ class OnsetWeighed(NamedTuple):
     unit: float
     healthy: Array
     healthy_unit: Array
+    size: Array
+    sigma: Array
+    left: Array
+    shown: Array
+    windows: Array
 
     @property
     def every(self) -> Array:
@@ -147,27 +164,35 @@ class FaultEvidence:
 
     def weighed(self) -> OnsetWeighed:
         """Evidence of every model and of another unit."""
-        scale = 1.0 / np.maximum(self.misfit(), 1.0)
-        alone, both = self._sums(scale, self._alone), self._sums(scale, self._own.shape[-1])
+        h, ones = self._h, np.ones(len(self._own))
+        widths = self._alone, self._own.shape[-1]
+        left = np.minimum(*(self._left(self._sums(ones, width), width) for width in widths))
+        misfit = left.min(axis=1)
+        scale = 1.0 / np.maximum(misfit, 1.0)
+        alone, both = (self._sums(scale, width) for width in widths)
         unit = other_unit(both.own, self._alone)
-        h = self._h
+        found = posterior(alone, h.signatures.prior)
         return OnsetWeighed(
-            h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both)
-        )
+            h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both),
+            found.size, found.sigma, left, self._shown(), self._count.copy(),
+        )  # fmt: skip
 
-    def misfit(self) -> Array:
-        """Mean square that the best model leaves in each relation, shape (relations,)."""
-        left = [self._left(count).min(axis=1) for count in (self._alone, self._own.shape[-1])]
-        return np.asarray(np.minimum(*left))
-
-    def _left(self, count: int) -> Array:
-        sums = self._sums(np.ones(len(self._own)), count)
+    def _left(self, sums: Sums, count: int) -> Array:
+        """Mean square that the models leave in each relation, shape (relations, models)."""
         theta, eta = posterior_mean(sums, self._h.signatures.prior)
         whole = np.concatenate((np.ones((len(eta), 1)), -eta), axis=1)
         square = np.einsum("mi,rij,mj->rm", whole, self._own[:, :count, :count], whole)
         square -= 2.0 * np.einsum("ma,rmaj,mj->rm", theta, self._cross[..., :count], whole)
         square += np.einsum("ma,rmab,mb->rm", theta, self._gram, theta)
         return np.asarray(square / np.maximum(self._count, 1.0)[:, None])
+
+    def _shown(self) -> Array:
+        """The same of no fault."""
+        own = self._sums(np.ones(len(self._own)), self._alone).own
+        eta = np.linalg.solve(np.eye(len(own) - 1) + own[1:, 1:], own[1:, 0])
+        whole = np.concatenate(([1.0], -eta))
+        square = np.einsum("i,rij,j->r", whole, self._own[:, : self._alone, : self._alone], whole)
+        return np.asarray(square / np.maximum(self._count, 1.0))
 
     def _sums(self, scale: Array, count: int) -> Sums:
         """Sums over all relations, each by what its misfit makes of its variance."""

@@ -12,6 +12,7 @@ several sizes the share within the bounds is taken size by size, as if they were
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +56,17 @@ class Sums:
         return A, self.cross[..., 0] - explained @ self.own[1:, 0], unit
 
 
+class Posterior(NamedTuple):
+    """Sizes of each model and their standard errors, shape (models, sizes).
+
+    ``unit``: covariance of what the unit differs by.
+    """
+
+    size: Array
+    sigma: Array
+    unit: Array
+
+
 def marginal_ratio(sums: Sums, prior: SizePrior) -> Array:
     """Log ratios in nats, shape (..., models)."""
     A, b, _ = sums.without_unit()
@@ -67,12 +79,19 @@ def marginal_ratio(sums: Sums, prior: SizePrior) -> Array:
 
 def posterior_mean(sums: Sums, prior: SizePrior) -> tuple[Array, Array]:
     """Sizes of each model held to their bounds, (models, sizes); units, (models, differences)."""
+    found = posterior(sums, prior)
+    left = sums.own[1:, 0] - np.einsum("fi,fid->fd", found.size, sums.cross[..., 1:])
+    return found.size, left @ found.unit
+
+
+def posterior(sums: Sums, prior: SizePrior) -> Posterior:
+    """What the data say of the sizes of each model, held to their bounds."""
     A, b, unit = sums.without_unit()
     pull = np.matmul(A, prior.mean[..., None])[..., 0]
-    _, mean, _, _ = _solved(A, b - pull, prior)
-    theta = np.clip(prior.mean + prior.sigma * mean, prior.low, prior.high)
-    left = sums.own[1:, 0] - np.einsum("fi,fid->fd", theta, sums.cross[..., 1:])
-    return theta, left @ unit
+    covariance, mean, _, _ = _solved(A, b - pull, prior)
+    size = np.clip(prior.mean + prior.sigma * mean, prior.low, prior.high)
+    variance = np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0)
+    return Posterior(size, prior.sigma * np.sqrt(variance), unit)
 
 
 def _solved(A: Array, b: Array, prior: SizePrior) -> tuple[Array, Array, Array, Array]:

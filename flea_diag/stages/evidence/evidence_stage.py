@@ -11,9 +11,9 @@ from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
-from flea_diag.stages.baselines.plain_verdict import plain_verdict
-from flea_diag.stages.baselines.sensor_alarms import SensorAlarms
 from flea_diag.stages.evidence.evidence_group import EvidenceGroup
+from flea_diag.stages.evidence.evidence_verdict import EvidenceVerdict, OpenedBy, VerdictKnowledge
+from flea_diag.stages.evidence.sensor_modes import SensorKnowledge, SensorModes
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import (
     EvidenceLimits,
@@ -24,8 +24,6 @@ from flea_diag.stages.evidence.stream_evidence import (
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
-    AmbiguityGroup,
-    Candidate,
     Detection,
     Outcome,
     Record,
@@ -42,6 +40,7 @@ class EvidenceKnowledge:
 
     hypotheses: tuple[StreamHypotheses, StreamHypotheses]
     limits: EvidenceLimits
+    verdict: VerdictKnowledge
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -56,16 +55,17 @@ class EvidenceStage:
     takes_blocks = True
 
     def __init__(
-        self, knowledge: EvidenceKnowledge, columns: StreamColumns, sensors: SensorAlarms
+        self, knowledge: EvidenceKnowledge, columns: StreamColumns, sensors: SensorKnowledge
     ) -> None:
         self._knowledge, self._faults = knowledge, knowledge.faults
-        self._columns, self._sensors = columns, sensors
+        self._columns, self._sensors = columns, SensorModes(sensors)
         # What a dead sensor reads is told by its own test alone.
-        judged = np.array([fault not in sensors.faults for fault in self._faults])
+        judged = np.array([fault not in self._sensors.faults for fault in self._faults])
         self._stream = StreamEvidence(knowledge.hypotheses, knowledge.limits, judged)
+        self._verdict = EvidenceVerdict(knowledge.verdict)
         self._change: StreamChange | None = None
         self._group = EvidenceGroup()
-        self._detected_ns = -1
+        self._opened = OpenedBy(0, -1, "", 0.0)
         self._said: object = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -103,7 +103,7 @@ class EvidenceStage:
         if words == self._said:
             return ()
         self._said = words
-        return (plain_verdict(stamp_ns, Outcome.NOMINAL, words),)
+        return (self._verdict.without_episode(stamp_ns, Outcome.NOMINAL, words),)
 
     def _judge(self, stamp_ns: int, window: LawWindow) -> tuple[Record, ...]:
         """What this window changes."""
@@ -124,51 +124,46 @@ class EvidenceStage:
 
     def _detected(self, stamp_ns: int, found: Found | None) -> Detection:
         """The first test beyond its limit opens the episode."""
-        self._detected_ns, self._group = stamp_ns, EvidenceGroup()
+        self._group, number = EvidenceGroup(), self._opened.number + 1
         if found is None:
             onset = self._stream.history.taken - ONSET_WINDOWS
             limit = self._knowledge.limits.onset
             self._change = StreamChange(onset, limit, self._stream.of_fault(onset))
-            return Detection(stamp_ns, 1, True, self._sensors.words, 0.0, 0.0, "sensor")
-        self._change, name = found.change, self._faults[found.model]
-        limit = found.change.limit
-        return Detection(stamp_ns, 1, True, name, found.nats, limit, "evidence, nats")
+            self._opened = OpenedBy(number, stamp_ns, self._sensors.words, limit)
+            return Detection(stamp_ns, number, True, self._sensors.words, 0.0, 0.0, "sensor")
+        self._change, name, limit = found.change, self._faults[found.model], found.change.limit
+        words = f"{name}: {found.nats:.4g} nats, limit {limit:.4g}, evidence"
+        self._opened = OpenedBy(number, stamp_ns, words, limit)
+        return Detection(stamp_ns, number, True, name, found.nats, limit, "evidence, nats")
 
     def _followed(self, stamp_ns: int, change: StreamChange) -> tuple[Record, ...]:
         """The group, where its members are others than before; or that it was another unit."""
         weighed = change.evidence.weighed()
         if not self._sensors and self._stream.was_unit(change, weighed):
             self._change = None
-            closed = Detection(stamp_ns, 1, False, "", 0.0, change.limit, ANOTHER_UNIT)
+            number, limit = self._opened.number, change.limit
+            closed = Detection(stamp_ns, number, False, "", 0.0, limit, ANOTHER_UNIT)
             return (closed, *self._quiet(stamp_ns))
         self._group.take(self._gains(weighed), change.evidence.windows)
-        names = tuple(self._group.shares)
-        if names == self._said:
-            return ()
-        self._said = names
-        return (self._verdict(stamp_ns, weighed),)
-
-    def _verdict(self, stamp_ns: int, weighed: OnsetWeighed) -> AmbiguityGroup:
-        nats = float(weighed.every.max())
-        said = self._sensors.words or f"{nats:.1f} nats over no fault"
-        members = tuple(
-            Candidate(fault, "", share, said) for fault, share in self._group.shares.items()
+        said = self._verdict.of_group(
+            stamp_ns, self._opened, self._group, weighed, self._sensors.words
         )
-        outcome = Outcome.ISOLATED if len(members) == 1 else Outcome.INDISTINGUISHABLE
-        words = f"{members[0].fault}: {said}"
-        return plain_verdict(stamp_ns, outcome, words, members, self._detected_ns)
+        new = said.outcome, tuple(member.fault for member in said.members)
+        if new == self._said:
+            return ()
+        self._said = new
+        return (said,)
 
     def _gains(self, weighed: OnsetWeighed) -> dict[str, float]:
         """Nats of each fault, none that the tests of single sensors exclude."""
         gains: dict[str, float] = {}
         for fault, nats in zip(self._faults, weighed.every.tolist(), strict=True):
             gains[fault] = max(nats, gains.get(fault, -math.inf))
+        by_sensors = self._sensors.faults
         if not self._sensors:
-            by_sensors = self._sensors.faults
             return {fault: nats for fault, nats in gains.items() if fault not in by_sensors}
-        allowed = self._sensors.allowed()
-        if self._sensors.are_steps:
-            # What moves no relation is not told from the best.
-            best = max((gains[fault] for fault in allowed if fault in gains), default=0.0)
-            return {fault: gains.get(fault, best) for fault in allowed}
-        return dict.fromkeys(allowed, 0.0) or gains
+        possible = self._sensors.possible()
+        by_relations = [gains[f] for f in possible if f in gains and f not in by_sensors]
+        # A mode that its own test defines is not told by relations from the best of the others.
+        best = max(by_relations, default=0.0)
+        return {f: best if f in by_sensors else gains.get(f, best) for f in possible} or gains

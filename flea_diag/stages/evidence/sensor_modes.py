@@ -1,0 +1,129 @@
+"""Modes of single sensors: what their own tests have shown, and what has not shown in time.
+
+Noise, drop-outs and a reading that stands still are defined by a test of that sensor alone. A mode
+is possible while all that has responded fits it; once the tests have had their time, its own must
+be among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES, OWN_TESTS
+from flea_diag.wire.blocks import ResidualBlock
+
+STEP = "step"
+SHOWN_S = 1.0
+"""Time after the first response in which a test of the same sensor shows what it is."""
+MOVED_S = 0.5
+"""Time for which a reading goes on moving that is not dead."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """When a reading moves: its speed among the regressors, per unit of a slow motion, m/s."""
+
+    signal: str
+    slow: float
+
+
+@dataclass(frozen=True, eq=False)
+class SensorKnowledge:
+    """What the tests of single sensors say of the faults of a stand.
+
+    Attributes
+    ----------
+    tests
+        Names of the residuals that are tests of a single sensor.
+    motion
+        Channels of the motion.
+    unseen
+        Channels of which no test tells a dead one from one that stands still.
+    """
+
+    tests: Collection[str]
+    faults: Mapping[str, Fault]
+    motion: Mapping[str, Motion]
+    unseen: Collection[str]
+    period_s: float
+
+
+class SensorModes:
+    """Which tests of which sensors have responded, and which way; constant memory."""
+
+    def __init__(self, knowledge: SensorKnowledge) -> None:
+        self._k = knowledge
+        self._seen: dict[tuple[str, str], str] = {}
+        self._scans = 0
+        self._moved = dict.fromkeys(knowledge.motion, 0)
+
+    def __bool__(self) -> bool:
+        """Whether any has responded."""
+        return bool(self._seen)
+
+    @property
+    def faults(self) -> frozenset[str]:
+        """Faults that such a test defines."""
+        return frozenset(name for name, f in self._k.faults.items() if f.mode in DEFINED_BY)
+
+    @property
+    def words(self) -> str:
+        """Channels and tests."""
+        return ", ".join(f"{channel}: {test}{sign}" for (channel, test), sign in self._seen.items())
+
+    def take(self, block: ResidualBlock, scans: slice) -> int:
+        """Look at some scans of a block: the first of the block beyond a limit, or its length."""
+        first = len(block)
+        z, limits = block.z[scans], block.thresholds[scans]
+        beyond = np.abs(z) > limits
+        for column in np.flatnonzero(beyond.any(axis=0)).tolist():
+            name = block.names[column]
+            if name in self._k.tests:
+                channel, _, test = name.rpartition("_")
+                key = (channel, test) if test in OWN_TESTS else (name, STEP)
+                at = int(beyond[:, column].argmax())
+                first, value = min(first, scans.start + at), z[at, column]
+                self._seen.setdefault(key, "+" if value > 0.0 else "-")
+        if self._seen:
+            since = scans.start if self._scans else min(first, scans.stop)
+            self._follow(block, slice(since, scans.stop))
+        return first
+
+    def _follow(self, block: ResidualBlock, scans: slice) -> None:
+        """Count scans since the first response, and those in which a reading moves."""
+        self._scans += scans.stop - scans.start
+        for channel, motion in self._k.motion.items():
+            speed = block.regressors[scans, block.regressor_names.index(motion.signal)]
+            self._moved[channel] += int((np.abs(speed) > motion.slow).sum())
+
+    def possible(self) -> tuple[str, ...]:
+        """Faults that fit what has responded, all of it if any does."""
+        faults = self._k.faults
+        counts = {name: sum(self._fits(f, *seen) for seen in self._seen.items())
+                  for name, f in faults.items()}  # fmt: skip
+        most = max(counts.values(), default=0)
+        fitting = [name for name, count in counts.items() if count == most > 0]
+        shown = [name for name in fitting if self._shows(faults[name])]
+        return tuple(shown or fitting)
+
+    def _shows(self, fault: Fault) -> bool:
+        """Whether a fault has shown what defines it, or has not had the time to."""
+        period_s, defining = self._k.period_s, DEFINED_BY.get(fault.mode, ())
+        if fault.mode == "dead" and fault.channel in self._moved:
+            return self._moved[fault.channel] * period_s < MOVED_S
+        if not defining or fault.channel in self._k.unseen or self._scans * period_s < SHOWN_S:
+            return True
+        return any(self._seen.get((fault.channel, test)) == sign for test, sign in defining)
+
+    @staticmethod
+    def _fits(fault: Fault, where: tuple[str, str], sign: str) -> bool:
+        channel, test = where
+        if fault.channel != channel:
+            return False
+        if test == STEP:
+            return fault.mode in JUMP_MODES
+        return OWN_TESTS[test].get(fault.mode, "0") in (sign, "*")
