@@ -191,7 +191,6 @@ ARROWS = {
             "run_law",
         ),
         "likelihood_ratio": ("run_law", "likelihood", "calibration", "residuals", "symbolic"),
-        "evidence": ("likelihood_ratio", "run_law", "likelihood"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -200,6 +199,7 @@ ARROWS = {
             "causal_graph",
             "faults",
         ),
+        "evidence": ("likelihood_ratio", "run_law", "likelihood", "isolation", "faults"),
         "vibration": (),
         "choice": ("vibration", "likelihood", "residuals", "symbolic"),
         "drawing": ("residuals", "causal_graph", "bond_graph", "symbolic"),
@@ -212,7 +212,7 @@ ARROWS = {
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
-        "evidence": ("baselines", "observer", "stream"),
+        "evidence": ("observer", "stream"),
     },
     "flea_diag.wire": {
         "": (),
