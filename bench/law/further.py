@@ -69,10 +69,11 @@ def machines(folder: Path) -> Iterator[Figure]:
         recordings, calibration = calibrated_on(simulated(folder, machine, UNITS, False), machine)
         design = design_of(calibration, machine)
         fit = design.learned(design.windows(recordings))
-        for row in (*fit.unsound, *fit.contradicting):
+        for row in (*fit.unsound, *fit.contradicting, *fit.of_motion):
             print(f"  {recordings[row.place].run.name}: {row.kind} {row.what} {row.nats:.1f} nats")
         yield share(f"{machine}: a sound one is named unsound", len(fit.unsound), len(recordings))
-        yield share(f"{machine}: contradicts, kept", len(fit.contradicting), len(recordings))
+        kept = (*fit.contradicting, *fit.of_motion)
+        yield share(f"{machine}: contradicts, kept", len(kept), len(recordings))
         found = fit.law.score
         yield Figure(f"{machine}: standardised means of left-out recordings", found.spread, "1",
                      found.means)  # fmt: skip

@@ -51,7 +51,8 @@ class LawFit:
 
     ``noisy``: relations that were left out of one recording, for their noise; ``sound``: the
     recordings that it was learned from, without them; ``contradicting``: recordings that are
-    unlike the others, but too many for it to be clear which are the healthy ones.
+    unlike the others, but too many for it to be clear which are the healthy ones; ``of_motion``:
+    those that are so in every unit, which were kept.
     """
 
     law: RunLaw
@@ -60,6 +61,7 @@ class LawFit:
     columns: LawColumns
     sound: tuple[RunWindows, ...]
     contradicting: tuple[UnsoundRun, ...] = ()
+    of_motion: tuple[UnsoundRun, ...] = ()
 
 
 def learn_law(
@@ -92,6 +94,7 @@ def learn_law(
         learning.columns,
         sound,
         judged.contradicting,
+        judged.of_motion,
     )
 
 

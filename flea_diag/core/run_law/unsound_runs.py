@@ -42,6 +42,8 @@ WITHIN_UNITS = 0.5
 difference is known."""
 MOST_UNSOUND = 0.25
 """Share of the recordings beyond which it is not clear which are the healthy ones."""
+LEAST_UNITS = 3
+"""Units of which each must have a recording with a defect for it to be none."""
 ROUNDS = 12
 """Beyond, two sets follow on each other: the last one is taken."""
 CHANGED = 3.0
@@ -115,7 +117,8 @@ class RunsJudged(NamedTuple):
     ``noisy`` are relations of sound recordings whose noise is far off: a channel of it is bad.
     ``feigned`` are centre and variance of each fault's size in sound ones, and the variance that a
     claim is held against, shape (3, faults).
-    ``contradicting`` are those that would be unsound, were they not too many.
+    ``contradicting`` are those that would be unsound, were they not too many, ``of_motion`` those
+    of which every unit has one.
     """
 
     sound: Flags
@@ -124,33 +127,62 @@ class RunsJudged(NamedTuple):
     noisy: tuple[UnsoundRun, ...]
     feigned: Array
     contradicting: tuple[UnsoundRun, ...] = ()
+    of_motion: tuple[UnsoundRun, ...] = ()
 
 
 def sound_runs(of: Candidates) -> RunsJudged:
     """Judge all recordings together.
 
+    Defects come to recordings one by one. What one recording of every unit shows is of its motion,
+    and of what the description lacks there: those are kept.
+    """
+    kept = np.zeros(len(of.sums), dtype=bool)
+    of_motion: tuple[UnsoundRun, ...] = ()
+    while True:
+        judged = _sound_beside(of, kept)
+        shared = _of_every_unit(of, judged.unsound)
+        if not shared.any():
+            return judged._replace(of_motion=of_motion)
+        of_motion += tuple(found for found in judged.unsound if shared[found.place])
+        kept = kept | shared
+
+
+def _of_every_unit(of: Candidates, unsound: Sequence[UnsoundRun]) -> Flags:
+    """Recordings whose defect a recording of every unit has."""
+    shared, units = np.zeros(len(of.sums), dtype=bool), len(np.unique(of.groups))
+    for what in {found.what for found in unsound} if units >= LEAST_UNITS else ():
+        places = [found.place for found in unsound if found.what == what]
+        shared[places] = len(np.unique(of.groups[places])) == units
+    return shared
+
+
+def _sound_beside(of: Candidates, kept: Flags) -> RunsJudged:
+    """The same; ``kept``: recordings that are sound whatever the others show.
+
     Where the half in the middle leaves out more than a quarter, it was a kind of its own, one load
     say, among kinds that are all healthy: then whatever contradicts all of them is left out. If
     that is as much, or nothing, it is not clear which are the healthy ones, and all are kept.
     """
-    half = _settled(of, _nearest_half(of))
+    half = _settled(of, _nearest_half(of), kept)
     most = MOST_UNSOUND * len(of.sums)
     if len(half.unsound) <= most:
         return half
     every = np.ones(len(of.sums), dtype=bool)
-    judged = _settled(of, every)
+    judged = _settled(of, every, kept)
     if 0 < len(judged.unsound) <= most:
         return judged
     return _taken(of, every)._replace(contradicting=judged.unsound or half.unsound)
 
 
-def _settled(of: Candidates, sound: Flags) -> RunsJudged:
+def _settled(of: Candidates, sound: Flags, kept: Flags) -> RunsJudged:
     """Sound recordings, from these on, until nothing changes."""
+    sound = sound | kept
     for _ in range(ROUNDS):
         odds, _ = _judged(of, of.fit(sound), sound)
         now = np.array([found.nats <= 0.0 for found in odds])
         if 2 * now.sum() < len(now):
             now = _least_odd(odds)
+        now |= kept
         if (now == sound).all():
             break
         sound = now

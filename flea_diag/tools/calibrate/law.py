@@ -69,6 +69,15 @@ class LawDesign:
         return replace(fit.law, visible=tuple(both))
 
 
+TOO_MANY = (
+    "contradict the others, too many to tell which are the healthy ones: all are kept. Of two "
+    "units, record each under its serial number; of a load of its own, record more"
+)
+OF_MOTION = (
+    "contradict the others alike in every unit, so the description lacks something of their "
+    "motion: they are kept, and what differs is known less well. Describe it, or calibrate "
+    "without that motion"
+)
 LEAST_WINDOWS = 15
 """3 s: less says nothing of what a recording differs by."""
 
@@ -119,14 +128,10 @@ class LawOfRecordings:
         names = [run.name for run in runs]
         odd = {names[row.place]: reason_of(row, relations) for row in fit.unsound}
         noisy = [f"{names[row.place]}: {reason_of(row, relations)}" for row in fit.noisy]
-        if fit.contradicting:
-            row, count = fit.contradicting[0], len(fit.contradicting)
-            noisy.append(
-                f"{count} of {len(runs)} recordings contradict the others, too many to tell which "
-                "are the healthy ones: all are kept. Of two units, record each under its serial "
-                f"number; of a load of its own, record more. The first is {names[row.place]}: "
-                f"{reason_of(row, relations)}"
-            )
+        for rows, words in ((fit.contradicting, TOO_MANY), (fit.of_motion, OF_MOTION)):
+            if rows:
+                first = f"{names[rows[0].place]}: {reason_of(rows[0], relations)}"
+                noisy.append(f"{len(rows)} of {len(runs)} recordings {words}. The first is {first}")
         return cls(design, fit, odd, tuple(noisy))
 
     def seeing(

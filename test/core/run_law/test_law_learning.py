@@ -137,3 +137,23 @@ def test_a_third_of_another_kind_is_kept_and_said_to_contradict_the_others():
     assert not fit.unsound
     assert {row.place for row in fit.contradicting} == {8, 9, 10, 11}
     assert len(fit.sound) == len(drags)
+
+
+@pytest.mark.parametrize("units", [2, 4])
+def test_what_a_recording_of_every_unit_shows_is_of_its_motion(units):
+    rng = np.random.default_rng(11)
+    runs = [
+        recording(rng, (4.0 * (k == 5) + 0.1 * rng.standard_normal(), 0.0), name=f"{unit}_{k}",
+                  unit=str(unit))
+        for unit in range(units)
+        for k in range(6)
+    ]  # fmt: skip
+    fit = law_of(runs)
+    heavy = {k for k, run in enumerate(runs) if run.name.endswith("_5")}
+    kept = {row.place for row in fit.of_motion}
+    if units == 2:  # two defects of one kind: too few to be of the motion
+        assert {row.place for row in fit.unsound} == heavy
+        assert not kept
+    else:
+        assert (kept, fit.unsound) == (heavy, ())
+        assert len(fit.sound) == len(runs)
