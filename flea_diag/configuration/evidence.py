@@ -21,7 +21,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
 from flea_diag.stages.evidence.evidence_verdict import VerdictKnowledge
 from flea_diag.stages.evidence.residual_source import ResidualSource
-from flea_diag.stages.evidence.sensor_modes import Motion, SensorKnowledge
+from flea_diag.stages.evidence.sensor_modes import ChannelMotion, SensorKnowledge
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import limits_of
 from flea_diag.stages.isolator.parameters import Knowledge
@@ -89,9 +89,9 @@ def _sensors(told: Knowledge) -> SensorKnowledge:
     """What tests of single sensors say: those of the diagnosis, and when a reading moves."""
     calibration, rows, names = told.calibration, told.effects.residuals, told.effects.names
     slow, per_rad = calibration.parameters.moving_m_s, calibration.parameters.encoder_m_per_rad
-    speeds = {name: Motion(rate_symbol(name), slow) for name in rows.positions}
+    speeds = {name: ChannelMotion(rate_symbol(name), slow) for name in rows.positions}
     if per_rad:
-        speeds[rows.encoder] = Motion(rows.encoder, slow / per_rad)
+        speeds[rows.encoder] = ChannelMotion(rows.encoder, slow / per_rad)
     motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
     tests = frozenset(row.name for row in rows.sensor_rows)
     unseen = told.symptoms.death_unseen

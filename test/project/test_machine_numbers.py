@@ -60,6 +60,8 @@ GENERAL: dict[Row, str] = {
     ("isolation/missing_jump.py", "PIECE_S", 1.0): "size of a sample",
     ("isolation/missing_jump.py", "WATCHED_S", 4.0): "the longest window",
     ("isolator/episode_evidence.py", "MOVED_S", 0.5): "least evidence",
+    ("evidence/sensor_modes.py", "MOVED_S", 0.5): "least evidence",
+    ("evidence/sensor_modes.py", "SHOWN_S", 1.0): "time of a test of a sensor",
     ("isolator/episode_evidence.py", "STANDING_S", 0.3): "what a sample of it weighs",
     ("isolator/fault_episode.py", "BOTH_WAYS_S", 0.3): "least evidence",
     ("isolator/fault_episode.py", "CONCLUSIVE_S", 0.5): "least evidence",

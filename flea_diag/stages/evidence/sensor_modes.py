@@ -24,7 +24,7 @@ MOVED_S = 0.5
 
 
 @dataclass(frozen=True)
-class Motion:
+class ChannelMotion:
     """When a reading moves: its speed among the regressors, per unit of a slow motion, m/s."""
 
     signal: str
@@ -47,7 +47,7 @@ class SensorKnowledge:
 
     tests: Collection[str]
     faults: Mapping[str, Fault]
-    motion: Mapping[str, Motion]
+    motion: Mapping[str, ChannelMotion]
     unseen: Collection[str]
     period_s: float
 

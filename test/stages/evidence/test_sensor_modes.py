@@ -12,7 +12,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.stages.evidence.sensor_modes import (
     MOVED_S,
     SHOWN_S,
-    Motion,
+    ChannelMotion,
     SensorKnowledge,
     SensorModes,
 )
@@ -31,7 +31,7 @@ def faults() -> dict[str, Fault]:
 
 
 def modes(unseen: tuple[str, ...] = ()) -> SensorModes:
-    motion = {POSITION: Motion(SPEED, 1e-3)}
+    motion = {POSITION: ChannelMotion(SPEED, 1e-3)}
     return SensorModes(SensorKnowledge(TESTS, faults(), motion, unseen, PERIOD_S))
 
 
