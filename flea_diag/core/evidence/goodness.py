@@ -1,9 +1,9 @@
 """Whether a fault fits by itself: what it leaves is noise, or little of what a relation shows.
 
 The most likely fault may still be a poor one. A relation contradicts it where the mean square that
-it leaves is beyond what its noise does (a ratio of likelihoods of variances, against the limit of a
-detection), and is more than a share of what the relation shows: the model of a large fault is off
-by more than noise.
+it leaves is beyond what the noise of any healthy recording is (a ratio of likelihoods of variances,
+against the limit of a detection), and is more than a share of what the relation shows: the model of
+a large fault is off by more than noise.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.isolation.goodness_of_fit import LEFT_OF_PLANT, LEFT_OF_READING
+from flea_diag.core.run_law.unsound_runs import CHANGED
 
 
 class RelationLeft(NamedTuple):
@@ -27,8 +28,9 @@ def contradicted(
     weighed: OnsetWeighed, model: int, of_sensor: bool, limit_nats: float
 ) -> RelationLeft | None:
     """The relation that speaks most against a model; None if it fits."""
-    left = np.maximum(weighed.left[:, model], 1e-300)
-    nats = 0.5 * weighed.windows * (left - 1.0 - np.log(left)) * (left > 1.0)
+    left = weighed.left[:, model]
+    louder = np.maximum(left / CHANGED, 1.0)
+    nats = 0.5 * weighed.windows * (louder - 1.0 - np.log(louder))
     least = (LEFT_OF_READING if of_sensor else LEFT_OF_PLANT) ** 2
     against = np.where((nats > limit_nats) & (left >= least * weighed.shown), nats, 0.0)
     worst = int(against.argmax())
