@@ -37,6 +37,7 @@ def nodes(context):
     given = BESIDE["values"](context, ARGUMENTS, __file__)
     stand = {**BESIDE["stand"](given), **TIME}
     stages = dict.fromkeys(("observer", "isolator", "extractor"), REPLAY)
+    stages["isolator"] = {**REPLAY, **MEMORY}
     diagnosis = {"diagnoser": {**REPLAY, **MEMORY}} if given["composed"] else stages
     started = BESIDE["Nodes"](given)
     for stage, more in diagnosis.items():

@@ -28,7 +28,7 @@ WARM_UP_SCANS = 60
 
 @dataclass(frozen=True)
 class Memory:
-    """State file from which a restarted one-process diagnosis resumes."""
+    """State file from which a restarted isolator or diagnoser resumes."""
 
     memory: str = parameter(
         "",
@@ -176,7 +176,7 @@ OBSERVER: Component[Any] = Component(
     _joined("Observer", StandParameters, DataSource, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
-    _joined("Isolator", StandParameters, IsolatorParameters), _isolator
+    _joined("Isolator", StandParameters, Memory, IsolatorParameters), _isolator
 )
 EXTRACTOR: Component[Any] = Component(
     _joined("Extractor", StandParameters, DataSource, ExtractorParameters), _extractor

@@ -30,7 +30,6 @@ def program(shared: Turns | None = None) -> Program:
         StagePorts(
             subscribes=SOURCES,
             publishes=(r.VibrationLevel, *JUDGEMENTS),
-            sources_only=True,
         ),
         examples=(
             "ros2 run flea_diag diagnoser",

@@ -111,6 +111,12 @@ class Isolation:
         """Hypotheses ruled out, in the order of the catalogue."""
         return [h for h in self.hypotheses.values() if h.why_dropped]
 
+    def resume(self, dropped: Mapping[str, str]) -> None:
+        """Drop what was dropped of this episode before, for the same reasons: groups shrink."""
+        for name in dropped.keys() & self.hypotheses.keys():
+            self.hypotheses[name].why_dropped = dropped[name]
+        self.normalise()
+
     def observe(
         self,
         stamp_ns: int,

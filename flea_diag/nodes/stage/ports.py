@@ -40,14 +40,13 @@ SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, Remark)
 class StagePorts:
     """Record types that a node subscribes to and publishes, declared before it runs.
 
-    ``sources_only`` is for stages composed in one process: the records that they exchange are
-    published for operators and the recorder, and must not be read back from the bus.
+    Records that composed stages exchange, and a stage's own verdict, are published for operators
+    and the recorder, and must not be read back from the bus: they are not subscribed to.
     """
 
     subscribes: tuple[type, ...]
     publishes: tuple[type, ...]
-    sources_only: bool = False
 
     def reads(self, record_type: type) -> bool:
         """Whether a record that the stage consumes comes from the bus."""
-        return record_type in SOURCES or not self.sources_only
+        return record_type in self.subscribes

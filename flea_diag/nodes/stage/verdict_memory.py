@@ -1,9 +1,9 @@
-"""The last verdict on disk, from which a diagnoser restarted during a run resumes.
+"""The last verdict on disk, from which an isolator or diagnoser restarted during a run resumes.
 
-With separate nodes, a restarted node recovers its state from the latched topics of the others.
-The diagnoser holds all stages in one process and loses everything when it is killed. Its verdict
-contains the learned unit offsets and the open episode; the observer resumes from it when its
-stamps belong to the same run.
+A restarted node recovers its state from the latched topics of the others; its own end with it.
+The verdict contains the group of the open episode, from which the isolator goes on, and the
+learned unit offsets: the diagnoser's observer resumes from them, where an isolator alone is told
+by the observer. Both hold only where the stamps belong to the same run.
 """
 
 from __future__ import annotations
@@ -95,6 +95,6 @@ class VerdictMemory:
         except OSError as error:
             self._used = False
             self._bus.warn(
-                f"memory = {str(self._path)!r} cannot be written ({error}): a restarted diagnoser "
+                f"memory = {str(self._path)!r} cannot be written ({error}): a restarted node "
                 "will begin without the state of this run; name a writable file"
             )

@@ -14,7 +14,14 @@ from flea_diag.stages.isolator.feature_query import FeatureQuery
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.merge import Merge
-from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_BACK, TAKEN_OVER, Detection, Symbols
+from flea_diag.wire.records import (
+    ANOTHER_UNIT,
+    TAKEN_BACK,
+    TAKEN_OVER,
+    AmbiguityGroup,
+    Detection,
+    Symbols,
+)
 
 
 class Change(Enum):
@@ -84,6 +91,12 @@ class EpisodeLifecycle:
             return Change.NOTHING  # it has evidence of its own
         self.close()
         return Change.TAKEN_BACK
+
+    def resume(self, verdict: AmbiguityGroup) -> None:
+        """The open episode is that of this verdict: numbers go on, and the group only shrinks."""
+        if self.current is not None:
+            self._opened = verdict.episode
+            self.current.resume(verdict)
 
     def early_symbols(self, detection: Detection) -> Symbols | None:
         """Symbols of this detection that arrived before it; returned once.

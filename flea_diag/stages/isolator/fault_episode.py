@@ -11,12 +11,15 @@ from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
-from flea_diag.wire.records import Detection, Symbols
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Symbols
 
 CONCLUSIVE_S = 0.5
 """Time of evidence before likelihoods or absent symptoms may drop a fault."""
 BOTH_WAYS_S = 0.3
 """Time in each direction of motion before parity residuals may decide by likelihood."""
+
+SETTLED = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, Outcome.UNEXPLAINED)
+"""Outcomes of a settled episode."""
 
 
 @dataclass
@@ -25,6 +28,7 @@ class FaultEpisode:
 
     ``symbols``: residual, magnitude and slope of each symbol observed. ``step`` counts verdicts
     and requests. ``settled``: features may be asked for. ``evaluated``: half seconds evaluated.
+    ``resumed``: an isolator that was killed had begun it.
     """
 
     shared: Episode
@@ -36,6 +40,7 @@ class FaultEpisode:
     step: int = 0
     settled: bool = False
     evaluated: int = 0
+    resumed: bool = False
 
     def group(self) -> dict[str, float]:
         """Faults still possible, each with its probability."""
@@ -52,6 +57,16 @@ class FaultEpisode:
     def take_over(self) -> None:
         """The observer was restarted: only a reset ends this episode."""
         self.shared = replace(self.shared, taken_over=True)
+
+    def resume(self, verdict: AmbiguityGroup) -> None:
+        """Go on from the last verdict on this episode: evidence is lost, what was dropped is not.
+
+        What an observer that was restarted as well will show is still to come.
+        """
+        self.settled = verdict.outcome in SETTLED and not self.shared.taken_over
+        self.shared = replace(self.shared, number=verdict.episode)
+        self.step, self.resumed = verdict.step + 1, True
+        self.isolation.resume({each.fault: each.reason for each in verdict.dropped})
 
     def join(self, detection: Detection) -> None:
         """The observer now detects as well what vibration opened."""

@@ -28,7 +28,9 @@ from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.stages.merge import Merge
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
+    NEVER_NS,
     STREAM,
+    AmbiguityGroup,
     ChannelTable,
     DataQuality,
     Detection,
@@ -60,12 +62,15 @@ class IsolatorStage:
         VibrationLevel,
         FeatureValue,
         Remark,
+        AmbiguityGroup,
     )
 
     def __init__(
         self, knowledge: Knowledge, parameters: IsolatorParameters, in_process: bool = False
     ) -> None:
         self._in_process = in_process
+        self._before: AmbiguityGroup | None = None
+        """Last verdict of the isolator before this one."""
         self._calibration, self._residuals = knowledge.calibration, knowledge.effects.residuals
         parameters = parameters.covering(knowledge.calibration.coverage)
         self._gating, self._nominal = parameters.gating, knowledge.features.nominal
@@ -116,6 +121,10 @@ class IsolatorStage:
 
     def handle(self, record: Record) -> Records:
         """Records caused by one more input, once its turn in the merged order has come."""
+        if isinstance(record, AmbiguityGroup):
+            if self._stand.first_ns == NEVER_NS:
+                self._before = record
+            return ()
         if isinstance(record, Remark) and not record.kind.is_on_unit:
             return ()
         self._merge.push(record)
@@ -172,11 +181,19 @@ class IsolatorStage:
 
     def _opened(self, record: Detection) -> Records:
         """The symbols of the same scan make the first group; mostly they come next."""
+        if self._before is not None and self._goes_on(self._before, record):
+            self._episodes.resume(self._before)
         symbols, episode = self._episodes.early_symbols(record), self._episodes.current
         if symbols is not None:
             return self._symbols(symbols)
         taken_over = episode is not None and episode.shared.taken_over
         return self._output.say(self._merge.now_ns) if taken_over else ()
+
+    def _goes_on(self, verdict: AmbiguityGroup, opened: Detection) -> bool:
+        """Whether the detection opened the episode of a verdict from before the first scan here."""
+        first_ns = self._merge.now_ns if self._stand.first_ns == NEVER_NS else self._stand.first_ns
+        past = first_ns == NEVER_NS or verdict.stamp_ns <= first_ns
+        return past and verdict.episode > 0 and opened.stamp_ns <= verdict.stamp_ns
 
     def _symbols(self, record: Symbols) -> Records:
         episode = self._episodes.of(record)

@@ -42,6 +42,7 @@ NO_RELATION = (
 TOO_WIDE = (
     "no size of the catalogue reaches a limit of this calibration: record more nominal running"
 )
+RESUMED = "; isolator restarted in this episode: its group goes on, the evidence begins anew"
 NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
 
 
@@ -179,6 +180,7 @@ def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
     start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
+    start += RESUMED if episode is not None and episode.resumed else ""
     assumption += _outside(stand) if episode is not None else ""
     return assumption + _at_its_end(stand) + _in_mode(stand) + _taken_back(stand) + start
 

@@ -18,7 +18,7 @@ from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Record
 
 AHEAD = 60
 """Scans that are sent before those before them have been handled."""
-PORTS = StagePorts(subscribes=(ChannelTable, Scan), publishes=(), sources_only=True)
+PORTS = StagePorts(subscribes=(ChannelTable, Scan), publishes=())
 
 
 class Noted(Pipeline):

@@ -96,7 +96,10 @@ class World:
         """Start a process, or start it again."""
         number = sum(each.name.startswith("bag") for each in self.folder.iterdir())
         values = {
-            "diagnoser": {"memory": str(self.folder / "verdict.cdr")},
+            **{
+                judge: {"memory": str(self.folder / f"{judge}.cdr")}
+                for judge in ("diagnoser", "isolator")
+            },
             "recorder": {"directory": str(self.folder / f"bag_{number}"), "stop_free_mb": 0},
         }
         self.processes[name] = GraphProcess(
