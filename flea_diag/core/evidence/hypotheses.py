@@ -27,7 +27,7 @@ from flea_diag.core.run_law.run_windows import WINDOW_S
 Array = npt.NDArray[np.float64]
 
 WIDE = 10.0
-"""Standard deviation of a size without a bound, in sizes that half of the recordings show."""
+"""Least standard deviation of a size without a bound, in sizes that half of the recordings show."""
 OTHER_UNIT_K = 5.0
 """How much warmer or colder a part of another unit may be."""
 
@@ -80,7 +80,7 @@ class StreamHypotheses:
 
     def evidence(self, sums: Sums) -> Array:
         """Log evidence of every model over nothing, nats, shape (..., models)."""
-        return marginal_ratio(sums, self.signatures.prior)
+        return marginal_ratio(sums, self.signatures.prior, reaching=True)
 
     def of_healthy(self, sums: Sums) -> Array:
         """The same of sizes that healthy recordings feign, at least that of nothing."""
@@ -116,7 +116,7 @@ def signatures_of(
 ) -> FaultSignatures:
     """Signatures in the relations of a law; by ``signals``, the names of those of a window.
 
-    A size without a bound reaches ``WIDE`` times what half of the recordings show.
+    A size without a bound reaches at least ``WIDE`` times what half of the recordings show.
     """
     nothing = np.zeros((len(law.relations), len(signals), 0))
     made = FaultSignatures.of(models, law.relations, Basis(signals), nothing)

@@ -11,7 +11,7 @@ several sizes the share within the bounds is taken size by size, as if they were
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,13 +67,23 @@ class Posterior(NamedTuple):
     unit: Array
 
 
-def marginal_ratio(sums: Sums, prior: SizePrior) -> Array:
-    """Log ratios in nats, shape (..., models)."""
+def marginal_ratio(sums: Sums, prior: SizePrior, reaching: bool = False) -> Array:
+    """Log ratios in nats, shape (..., models).
+
+    ``reaching``: a size without a bound reaches as far as the data show it. Its scale is not known,
+    so that it is larger than its prior makes it no less likely (empirical Bayes).
+    """
     A, b, _ = sums.without_unit()
     pull = np.matmul(A, prior.mean[..., None])[..., 0]
     known = ((b - 0.5 * pull) * prior.mean).sum(axis=-1)
-    covariance, mean, b, A = _solved(A, b - pull, prior)
-    gain = 0.5 * ((b * mean).sum(axis=-1) - np.linalg.slogdet(A)[1])
+    covariance, mean, scaled, inner = _solved(A, b - pull, prior)
+    if reaching:
+        unbounded = np.isinf(prior.low) | np.isinf(prior.high)
+        farther = np.where(unbounded, np.abs(mean), 0.0)
+        if (farther > 1.0).any():
+            prior = replace(prior, sigma=prior.sigma * np.maximum(farther, 1.0))
+            covariance, mean, scaled, inner = _solved(A, b - pull, prior)
+    gain = 0.5 * ((scaled * mean).sum(axis=-1) - np.linalg.slogdet(inner)[1])
     return np.asarray(known + gain + _cut(mean, covariance, prior))
 
 

@@ -60,3 +60,17 @@ def test_bounds_of_one_size_cut_its_prior(low: float, high: float) -> None:
 
     expected, _ = quad(weighed, low, min(high, 12.0), limit=200)
     assert found == pytest.approx(np.log(expected), abs=1e-6)
+
+
+def test_a_size_without_a_bound_reaches_as_far_as_the_data_show_it() -> None:
+    phi, size = np.ones((ROWS, 1, 1)), 1000.0
+    blank, free = np.zeros((1, 1)), np.full((1, 1), np.inf)
+
+    def ratio(sigma: float, least: float, far: bool) -> float:
+        prior = SizePrior(blank, np.full((1, 1), sigma), np.full((1, 1), least), free)
+        own = np.column_stack((Y + size, PSI))[:, None]
+        return float(marginal_ratio(Sums.of(own, phi[:, None]), prior, reaching=far)[0])
+
+    assert ratio(1.0, -np.inf, far=False) < ratio(size, -np.inf, far=False) - 1000.0
+    assert ratio(1.0, -np.inf, far=True) == pytest.approx(ratio(size, -np.inf, False), abs=0.1)
+    assert ratio(size, 0.0, far=True) == pytest.approx(ratio(size, 0.0, far=False), abs=0.1)
