@@ -1,10 +1,10 @@
 """Whether groups hold the fault as often as a stated coverage says.
 
 The runs of config/campaigns/coverage.yaml set the limits (`flea coverage`), those of
-bench/robustness/coverage.yaml, drawn alike by other seeds, are scored by them. Runs without an
-alarm have no group and do not count.
+bench/robustness/group_coverage.yaml, drawn alike by other seeds, are scored by them. Runs without
+an alarm have no group and do not count.
 
-    .venv/bin/python bench/robustness/coverage.py --json coverage.json
+    .venv/bin/python bench/robustness/group_coverage.py --json coverage.json
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from flea_diag.core.calibration.out_of_sample import GroupCoverage
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.tools.main import main as flea
 
-SETS, SCORED = ROOT / "config/campaigns/coverage.yaml", ROOT / "bench/robustness/coverage.yaml"
+SETS = ROOT / "config/campaigns/coverage.yaml"
+SCORED = ROOT / "bench/robustness/group_coverage.yaml"
 STATED = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
 
 
@@ -54,9 +55,8 @@ def figures(sets: GroupCoverage, scored: GroupCoverage) -> Iterator[Figure]:
 def main() -> None:
     """Score both campaigns, and write."""
     arguments = bench_parser(__doc__).parse_args()
-    write_summary(
-        "bench/robustness/coverage.py", list(figures(scores(SETS), scores(SCORED))), arguments.json
-    )
+    found = list(figures(scores(SETS), scores(SCORED)))
+    write_summary("bench/robustness/group_coverage.py", found, arguments.json)
 
 
 if __name__ == "__main__":
