@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.observers.kalman import KalmanFilter
+from flea_diag.core.observers.kalman_bank import KalmanBank
+from flea_diag.core.observers.observer_block import ReadingColumns, Scans
 from flea_diag.core.observers.observer_noise import ObserverNoise, reading_key
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -49,24 +51,23 @@ def fitted(
     CalibrationError
         No recording is long enough.
     """
-    pieces, rows = _pieces(runs), relations.residuals
+    rows = relations.residuals
     noise = _read_off(runs, rows, period_s)
+    tried = _Trial(parameters, relations, period_s, voltage_sampling)
+    stretches = [tried.stretch(piece, noise) for piece in _pieces(runs)]
     searched = _searched(rows, voltage_sampling == "mean")
 
-    @cache
-    def cost(tried: ObserverNoise) -> float:
-        return _cost(pieces, parameters, relations, period_s, voltage_sampling, tried)
-
-    best = cost(noise)
+    (best,) = tried.costs(stretches, (noise,))
     for factor in FACTORS:
         improved = True
         while improved:
             improved = False
             for name in searched:
-                for step in (factor, 1.0 / factor):
-                    tried = noise.scaled(name, step)
-                    if cost(tried) < best - 1e-3:
-                        noise, best, improved = tried, cost(tried), True
+                both = noise.scaled(name, factor), noise.scaled(name, 1.0 / factor)
+                costs = tried.costs(stretches, both)
+                for other, cost in zip(both, costs, strict=True):
+                    if cost < best - 1e-3:
+                        noise, best, improved = other, cost, True
                         break
     return noise
 
@@ -117,49 +118,112 @@ def _read_off(runs: Sequence[NominalRun], rows: ResidualSet, period_s: float) ->
     return noise
 
 
-def _cost(
-    pieces: list[Array],
-    parameters: ActuatorParameters,
-    relations: RelationSet,
-    period_s: float,
-    voltage_sampling: str,
-    noise: ObserverNoise,
-) -> float:
-    """Twice the negative log likelihood of a scan under Student's t, up to a constant.
+@dataclass(frozen=True)
+class _Stretch:
+    """A piece of a recording, and what of it no searched level changes, for each scan.
 
-    Gross errors have little weight, yet the noise cannot become arbitrarily small as with a
-    bounded NIS. Noise levels at which rounding destroys the filter's covariance are refused.
+    ``degc``: winding temperature of the model; ``warmth``: normalised innovation squared of the
+    heated stores; ``stores``: how many of them are predicted; ``spread``: twice the sum of the
+    logarithms of their standard deviations.
     """
-    try:
-        with np.errstate(invalid="ignore"):
-            return _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
-    except np.linalg.LinAlgError:
-        return math.inf
+
+    rows: Array
+    scans: Scans
+    degc: Array
+    warmth: Array
+    stores: Array
+    spread: Array
 
 
-def _mean_cost(
-    pieces: list[Array],
-    parameters: ActuatorParameters,
-    relations: RelationSet,
-    period_s: float,
-    voltage_sampling: str,
-    noise: ObserverNoise,
-) -> float:
-    total, scans = 0.0, 0
-    for rows in pieces:
-        observer = StateObserver(
-            parameters,
-            relations,
-            period_s,
+@dataclass(frozen=True)
+class _Trial:
+    """Kalman filters of one actuator at levels of noise that are tried."""
+
+    parameters: ActuatorParameters
+    relations: RelationSet
+    period_s: float
+    voltage_sampling: str
+
+    def observer(self, noise: ObserverNoise) -> StateObserver:
+        """A Kalman filter at these levels."""
+        return StateObserver(
+            self.parameters,
+            self.relations,
+            self.period_s,
             np.random.default_rng(0),
             noise=noise,
-            voltage_sampling=voltage_sampling,
+            voltage_sampling=self.voltage_sampling,
             kind="kalman",
         )
-        found = observer.follow(rows)
-        seen = found.sigmas[SETTLE_SCANS:] > 0.0
-        spread = 2.0 * np.log(found.sigmas[SETTLE_SCANS:], where=seen, out=np.zeros(seen.shape))
-        tails = FREEDOM + seen.sum(axis=1)
-        total += float((tails * np.log1p(found.nis[SETTLE_SCANS:] / FREEDOM)).sum() + spread.sum())
-        scans += len(seen)
-    return total / scans
+
+    def stretch(self, rows: Array, noise: ObserverNoise) -> _Stretch:
+        """A piece with the temperatures that a filter at the first levels has in it."""
+        observer, degc, told = self.observer(noise), [], []
+        model = observer.model
+        columns = ReadingColumns.of(self.relations.residuals, model.equations.channels)
+        scans = Scans.read(rows, columns, model.absent, model.command, model.driving)
+        for row in rows:
+            degc.append(observer.model.winding_degc)
+            told.append(observer.step(row))
+        motion = len(model.channels)
+        residual, sigma = (
+            np.array([getattr(each, name)[motion:] for each in told])
+            for name in ("residual", "sigma")
+        )
+        seen = sigma > 0.0
+        warmth = np.nansum((residual / np.where(seen, sigma, np.nan)) ** 2, axis=1)
+        spread = 2.0 * np.log(sigma, where=seen, out=np.zeros(seen.shape)).sum(axis=1)
+        return _Stretch(rows, scans, np.array(degc), warmth, seen.sum(axis=1), spread)
+
+    def costs(self, stretches: Sequence[_Stretch], tried: Sequence[ObserverNoise]) -> list[float]:
+        """Twice the negative log likelihood of a scan under Student's t, up to a constant.
+
+        Gross errors have little weight, yet the noise cannot become arbitrarily small as with a
+        bounded NIS. Noise levels at which rounding destroys a filter's covariance, or a prediction
+        is no number, are refused.
+        """
+        try:
+            with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+                return self._costs(stretches, tried)
+        except np.linalg.LinAlgError:
+            if len(tried) == 1:
+                return [math.inf]
+            return [cost for each in tried for cost in self.costs(stretches, (each,))]
+
+    def _costs(self, stretches: Sequence[_Stretch], tried: Sequence[ObserverNoise]) -> list[float]:
+        bank = self._started(stretches, tried)
+        models = [[self.observer(noise).model for noise in tried] for _ in stretches]
+        total, count = np.zeros(len(tried)), 0
+        for k in range(1, PIECE_SCANS):
+            for number, each in enumerate(stretches):
+                if each.degc[k] != models[number][0].winding_degc:
+                    models[number] = [m.warmed(each.degc[k]) for m in models[number]]
+                    bank.adopt(number, models[number])
+            nis, sigma = bank.step(
+                np.array([each.scans.u[k] for each in stretches]),
+                np.array([each.scans.y[k] for each in stretches]),
+            )
+            if k < SETTLE_SCANS:
+                continue
+            warmth, stores, spread = (
+                np.array([getattr(each, name)[k] for each in stretches])[:, None]
+                for name in ("warmth", "stores", "spread")
+            )
+            seen = sigma > 0.0
+            apart = 2.0 * np.log(sigma, where=seen, out=np.zeros(seen.shape)).sum(axis=2)
+            tails = FREEDOM + seen.sum(axis=2) + stores
+            cost = tails * np.log1p((nis + warmth) / FREEDOM) + apart + spread
+            total += cost.sum(axis=0)
+            count += len(stretches)
+        return [float(each) if math.isfinite(each) else math.inf for each in total / count]
+
+    def _started(self, stretches: Sequence[_Stretch], tried: Sequence[ObserverNoise]) -> KalmanBank:
+        """Filters after the first scan."""
+        filters, models = [], []
+        for each in stretches:
+            observers = [self.observer(noise) for noise in tried]
+            for observer in observers:
+                observer.follow(each.rows[:1])
+            filters.append([o.tracking for o in observers if isinstance(o.tracking, KalmanFilter)])
+            models.append([observer.model for observer in observers])
+        return KalmanBank(filters, models)

@@ -173,6 +173,16 @@ class StateObserver:
         """Estimated states of motion, ``driven_model.STATES``; NaN before the first scan."""
         return np.full(len(STATES), math.nan) if self._filter is None else self._filter.mean
 
+    @property
+    def model(self) -> DrivenModel:
+        """What the next scan is predicted by."""
+        return self._model
+
+    @property
+    def tracking(self) -> Filter | None:
+        """The filter as it stands; None before the first scan, and where the track is lost."""
+        return self._filter
+
     def step(self, row: Array, frozen: bool = False) -> Innovation:
         """Take one scan, shape (channels,); see ``follow``."""
         return self.follow(row[None], frozen).scan(0)
