@@ -37,7 +37,8 @@ make_venv() {
 sum_of() { find "$@" -type f ! -path '*/__pycache__/*' -print0 | sort -z | xargs -0 sha256sum | sha256sum; }
 
 pip_install() {
-    "$python" -m pip install --progress-bar off --no-build-isolation \
+    # Not compiled ahead: of what is installed most is never imported, and the rest is compiled then.
+    "$python" -m pip install --progress-bar off --no-build-isolation --no-compile \
         --constraint "${constraints:-$root/constraints.txt}" "$@" >"$venv/pip.log" 2>&1 &
     installer=$!
     # Which package pip is at, so that a slow line does not look like a hang.

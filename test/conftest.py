@@ -40,10 +40,14 @@ STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", 
 
 STARTS_NODES = re.compile(r"\bdomain: int\b")
 """What a file says whose tests start nodes."""
-NEAR = ("nodes", "wire", "project")
-"""Folders whose nodes have a peer that waits for them. The nodes of all others follow a stand in
-real time, and no two stands run at once: on a small machine they would take each other's time."""
-FIRST = ("project", "system", "tools")
+IN_REAL_TIME = (
+    "flea_sim_driver/test_daq_node.py", "system/test_fleet_launch.py", "system/test_launch.py",
+    "system/test_live_run.py", "system/test_security.py", "system/test_shipped_mappings.py",
+    "web/test_web_page.py",
+)  # fmt: skip
+"""Files whose nodes follow a stand in real time. No two stands run at once: on a small machine they
+would take each other's time. The nodes of all others have a peer that waits for them."""
+FIRST = ("project", "system", "tools", "stages", "core")
 """Folders that come before the rest: what does without compiled code, which the nodes are just
 compiling, then the longest files, so that no worker ends much later."""
 
@@ -58,7 +62,7 @@ def _group(path: Path) -> str:
     """Whose tests run one after another with those of this file: nodes, stands, or nobody's."""
     if not starts_nodes(path):
         return ""
-    return "nodes" if path.relative_to(HERE).parts[0] in NEAR else "stands"
+    return "stands" if path.relative_to(HERE).as_posix() in IN_REAL_TIME else "nodes"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -138,23 +142,33 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return ByFile(config, log)
 
 
+SHARED = "SHARED_BY_WORKERS"
+"""Variable with the folder of one run of the tests: what one worker makes, the others need not."""
+
+
 def _of_all_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of this run of the tests: what one worker compiles, the others need not."""
+    """That folder."""
     own = tmp_path_factory.getbasetemp()
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
 @pytest.fixture(scope="session", autouse=True)
-def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def newcomer(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
     """Nobody has used the project before: no settings, verdicts or alarms of the user's own.
 
-    Whatever is started is of this source tree, not of a copy that happens to be installed.
+    Whatever is started is of this source tree, not of a copy that happens to be installed. Code
+    that is generated, and what numba makes of it, is kept for the next run by its content.
     """
+    shared, kept = _of_all_workers(tmp_path_factory), getattr(request.config, "cache", None)
+    generated = kept.mkdir("flea_diag") if kept else shared / "cache"
     with pytest.MonkeyPatch.context() as patch:
         for name in [name for name in os.environ if name.startswith(STEERING)]:
             patch.delenv(name)
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setenv("FLEA_CACHE_DIR", str(_of_all_workers(tmp_path_factory) / "cache"))
+        patch.setenv("FLEA_CACHE_DIR", str(generated))
+        patch.setenv(SHARED, str(shared))
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("log")))
         patch.setenv("PYTHONPATH", str(ROOT))
         yield

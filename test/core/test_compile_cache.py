@@ -31,6 +31,7 @@ print(exact(double)(21.0), exact(half)(21.0))
 """
 
 
+@pytest.mark.slow
 def test_a_file_swapped_for_that_of_another_function_is_made_anew(tmp_path: Path) -> None:
     for name, body in (("doubling.py", "def double(x):\n    return 2.0 * x\n"),
                        ("halving.py", "def half(x):\n    return 0.5 * x\n")):  # fmt: skip

@@ -39,6 +39,8 @@ from flea_diag.wire.records import (
     VibrationLevel,
 )
 
+pytestmark = pytest.mark.slow
+
 CHANNELS = ema.STAND
 RUNS = {
     "healthy": ({}, 99.0),

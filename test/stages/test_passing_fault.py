@@ -12,6 +12,8 @@ from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
+pytestmark = pytest.mark.slow
+
 ONSET_S, CLEARED_S, DURATION_S = 15.0, 25.0, 70.0
 
 

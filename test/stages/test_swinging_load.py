@@ -14,6 +14,8 @@ from flea_diag.wire.records import AmbiguityGroup, Detection
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
+pytestmark = pytest.mark.slow
+
 
 def diagnosed(**more: Any) -> CaseDiagnosis:
     """Twelve seconds of the 8 kN actuator, whose calibration has constant loads."""

@@ -35,6 +35,8 @@ from flea_diag.wire.records import (
     VibrationLevel,
 )
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000
 Spoil = Callable[[int, VibrationBlock], VibrationBlock | None]
 

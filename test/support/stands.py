@@ -39,7 +39,7 @@ def shared_calibration(name: str, make: Callable[[], Calibration]) -> Calibratio
 
     What one worker has made, the others read.
     """
-    folder = Path(os.environ["FLEA_CACHE_DIR"]).parent / "calibrations"
+    folder = Path(os.environ["SHARED_BY_WORKERS"]) / "calibrations"
     folder.mkdir(exist_ok=True)
     target = folder / f"{hashlib.sha256(name.encode()).hexdigest()}.yaml"
     with target.with_suffix(".lock").open("w") as lock:

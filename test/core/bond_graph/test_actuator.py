@@ -298,6 +298,7 @@ FILES = {name: load_yaml(name) for name in ("actuator.yaml", "faults.yaml")}
 PLACES = {name: places(content) for name, content in FILES.items()}
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(FILES)), st.data())
 @settings(max_examples=300, deadline=None)
 def test_any_junk_anywhere_is_taken_or_refused_in_one_line(name: str, data: st.DataObject) -> None:

@@ -87,6 +87,7 @@ def test_report_says_each_step_in_words() -> None:
     assert report[-1] == "All stores have integral causality; no conflict, no algebraic loop."
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(1, 12), st.data())
 def test_ladder_is_always_integral_without_loops(steps: int, data: st.DataObject) -> None:

@@ -238,6 +238,7 @@ JUNK = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.deferred(lambda: st.sampled_from(sorted(mapping()))), JUNK)
 def test_junk_anywhere_is_refused_or_read_never_a_traceback(key, junk):

@@ -42,6 +42,7 @@ def learned(described: Path) -> Calibration:
     return calibrate([recording(n) for n in range(4)], described, 0.1)
 
 
+@pytest.mark.slow
 def test_a_friction_below_0_counts_as_0_and_the_others_are_fitted_without_it(
     learned: Calibration,
 ) -> None:

@@ -39,6 +39,7 @@ def samples(names: tuple[str, ...] = tuple(CENTRES), count: int = 120) -> list[S
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [tuple(CENTRES), ("jam", "spall")])
 def test_network_gives_the_probabilities_of_scikit_learn(names: tuple[str, ...]) -> None:
     sklearn = pytest.importorskip("sklearn.neural_network", reason="needs scikit-learn")

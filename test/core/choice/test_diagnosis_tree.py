@@ -175,6 +175,7 @@ def tree(table: FaultFeatureTable, group: dict[str, float], strategy: str) -> No
     return build(group, FeatureChooser(table, strategy, EXACT))
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(hard_tables(), groups)
 def test_optimum_never_costs_more_and_all_strategies_have_the_same_leaves(
@@ -188,6 +189,7 @@ def test_optimum_never_costs_more_and_all_strategies_have_the_same_leaves(
         assert sets[name] == {frozenset(part) for part in table.inseparable(group)}
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(noisy_tables(), groups)
 def test_optimum_never_costs_more_on_noisy_tables(

@@ -207,6 +207,7 @@ def test_the_most_gained_for_each_second_comes_first_and_sensors_last() -> None:
     assert next_tests(PAIR, (), (), (sensor,)) == (sensor,)
 
 
+@pytest.mark.slow
 def test_an_unsplit_group_of_a_recorded_bag_gets_advice() -> None:
     """Without accelerometers a jam and a dry nut are alike in every signal, by design."""
     from flea_diag.configuration.component import make_pipeline

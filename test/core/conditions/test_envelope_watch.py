@@ -197,6 +197,7 @@ def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None
     assert again.envelope == known
 
 
+@pytest.mark.slow
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
     said = stands.replay(stands.pipeline(), stands.scans(columns(420.0)))
     rows = [r for q in stands.of(DataQuality, said) for r in q.channels]

@@ -291,6 +291,7 @@ def test_a_parameter_that_follows_the_heat_shifts_no_coefficient(known):
     assert bool(found.deviating().any()) is not known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 113, 6000])
 def test_compiled_gives_the_bits_of_numpy(block):
     """Every shift, over rests, missing values, offsets learned, and an episode."""

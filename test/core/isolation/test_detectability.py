@@ -71,6 +71,7 @@ def test_without_its_thermal_limits_a_temperature_shows_only_what_its_readings_t
     assert modes == {"bias", "drift", "scaling"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stand", "lacking", "expected"),
     [

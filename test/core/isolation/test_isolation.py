@@ -145,6 +145,7 @@ SYMBOLS = st.tuples(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.lists(SYMBOLS, max_size=6))
 def test_the_group_only_shrinks_and_probabilities_sum_to_one(symbols):
@@ -285,6 +286,7 @@ def test_a_group_begins_with_a_jump_where_each_of_it_does(names, expected):
     assert isolation.begins_with_jump is expected
 
 
+@pytest.mark.slow
 def test_a_position_may_step_by_a_play_between_it_and_the_other_one():
     """A gap that opens under load moves the load side at once, by a fault of no sensor."""
     machine = load_stand("ema")

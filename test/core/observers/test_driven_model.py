@@ -56,6 +56,7 @@ def integrated(speed: float, position: float, volts: float, load: float) -> tupl
     return speed, position
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     ("speed", "volts", "load", "tolerance"),

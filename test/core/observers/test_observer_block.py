@@ -19,6 +19,8 @@ from flea_diag.core.observers.observer_block import Innovations, Scans, row_layo
 from flea_diag.core.observers.observer_loops import join_loops
 from flea_diag.core.observers.state_observer import StateObserver
 
+pytestmark = pytest.mark.slow
+
 FLEA = compiled_relations("actuator.yaml").residuals
 
 RELATIONS = compiled_relations("actuator.yaml")

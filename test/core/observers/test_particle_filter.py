@@ -58,6 +58,7 @@ def rmse(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean((estimate - truth) ** 2, axis=0))
 
 
+@pytest.mark.slow
 @backend
 @pytest.mark.parametrize("factor", [0.0, 5.0])
 def test_within_two_percent_of_kalman_in_every_state(backend: str, factor: float) -> None:

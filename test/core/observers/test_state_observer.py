@@ -64,6 +64,7 @@ def test_residuals_of_a_healthy_actuator_are_as_wide_as_foretold(backend: str, k
     assert 0.7 < np.mean([t.nis / t.measured for t in told[200:]]) < 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_frozen_observer_keeps_a_sensor_fault_to_its_own_residual(backend: str) -> None:
     """Measured voltage and load drive the model: nothing else can move."""
@@ -81,6 +82,7 @@ def test_frozen_observer_keeps_a_sensor_fault_to_its_own_residual(backend: str) 
         np.testing.assert_allclose(apart[:, others], 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_correcting_observer_smears_what_the_frozen_one_does_not() -> None:
     rows = recording()
     faulty = changed(rows, "actuator_position", 700, 0.003)
@@ -168,6 +170,7 @@ def test_a_start_before_readings_come_is_the_same_in_one_block_and_scan_by_scan(
     np.testing.assert_array_equal(whole, alone)
 
 
+@pytest.mark.slow
 def test_raw_pwm_is_averaged_by_what_the_current_says() -> None:
     """A sample of +24, 0 or -24 V carries the mean only on average; the current is better."""
     rows, draw = recording().copy(), np.random.default_rng(5)
@@ -272,6 +275,7 @@ def test_temperature_is_the_mean_of_its_readings_where_nothing_happens() -> None
     assert sigma == pytest.approx(0.5 * math.sqrt(1 + 1 / 99), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_noise_is_fitted_to_what_was_put_in() -> None:
     noise = fitted([NominalRun("nominal", recording(seed=1))], P, RELATIONS, 0.01, "mean")
     readings = dict(noise.readings)
@@ -284,6 +288,7 @@ def test_noise_is_fitted_to_what_was_put_in() -> None:
         fitted([NominalRun("short", recording()[:100])], P, RELATIONS, 0.01, "mean")
 
 
+@pytest.mark.slow
 def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> None:
     """Errors of the lead are smooth: no third difference shows them, and yet they are no motion."""
     ahead = recording(seed=3).copy()
@@ -293,6 +298,7 @@ def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> No
     assert 4.0 < readings["motor_speed_rad_s"] < 12.0  # 10 / sqrt(2) and the 2 of the reading
 
 
+@pytest.mark.slow
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
     rough[::2, ROWS.index["load_force"]] += 4000.0  # as a load that jumps faster than the scans
@@ -329,6 +335,7 @@ def drag_shown(p: ActuatorParameters, noise: ObserverNoise, rows: np.ndarray) ->
     return float(np.mean(shown))
 
 
+@pytest.mark.slow
 def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> None:
     files = sorted(FLEA.glob("*_Low.data"))
     if not files:

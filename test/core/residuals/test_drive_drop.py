@@ -44,6 +44,7 @@ def test_recordings_fix_the_drop() -> None:
     assert abs(drop - DROP_V) < 3.0 * sigma
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["bias", "scaling", "drift", "dead"])
 def test_an_error_of_the_current_may_show_another_side(mode: str) -> None:
     channels = (*model().sensors, *model().inputs)

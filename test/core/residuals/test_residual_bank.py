@@ -157,6 +157,7 @@ def test_normalised_by_direction_a_drag_keeps_its_sign_and_a_bias_alternates():
         assert (np.unique(normalised).tolist() == [1.0]) is not raw_sign_is_kept
 
 
+@pytest.mark.slow
 def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
     channels = tuple(c for c in FLEA.channels if c != "motor_speed")
     bank = ResidualBank(

@@ -18,6 +18,7 @@ def law_of(runs):
     return learn_law(runs, COLUMNS, FAULTS, ())
 
 
+@pytest.mark.slow
 def test_a_law_finds_what_recordings_were_drawn_by():
     runs = recordings(np.random.default_rng(1), 40)
     law = law_of(runs).law
@@ -28,6 +29,7 @@ def test_a_law_finds_what_recordings_were_drawn_by():
     assert law.score.log_score > law.score.separate
 
 
+@pytest.mark.slow
 def test_more_recordings_do_not_widen_what_they_differ_by():
     rng = np.random.default_rng(2)
     few, many = (law_of(recordings(rng, count)).law for count in (6, 40))
@@ -46,6 +48,7 @@ def test_unsound_recordings_of_one_kind_do_not_mask_each_other(odd):
     assert fit.law.terms[0].run_sigma == pytest.approx(0.3, rel=0.5)
 
 
+@pytest.mark.slow
 def test_sound_recordings_are_named_unsound_in_one_of_hundreds():
     rng = np.random.default_rng(4)
     named = sum(len(law_of(recordings(rng, 12)).unsound) for _ in range(8))
@@ -62,6 +65,7 @@ def test_a_relation_that_is_far_too_noisy_is_left_out_of_its_recording_alone():
     assert np.isnan(fit.sound[4].values[:, 1]).all()
 
 
+@pytest.mark.slow
 def test_recordings_of_several_units_are_judged_by_their_own():
     rng = np.random.default_rng(6)
     runs = [

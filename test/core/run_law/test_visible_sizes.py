@@ -46,6 +46,7 @@ def test_faults_of_the_same_effect_are_named_as_not_told_apart():
     assert (jam.alike, other.alike) == (("circuit_bias",), ("jam",))
 
 
+@pytest.mark.slow
 def test_half_of_injections_of_the_stated_size_reach_the_limit():
     rng = np.random.default_rng(4)
     fit = learn_law(recordings(rng, 40), COLUMNS, FAULTS, ())

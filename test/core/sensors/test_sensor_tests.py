@@ -344,6 +344,7 @@ def test_every_test_names_its_channel():
     assert FLEA.channel_of("motor_temperature_dropout") == "motor_temperature"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 700, SCANS])
 def test_compiled_gives_the_bits_of_numpy(block):
     """Two positions that move together, step, are held, clipped or missing."""

@@ -98,6 +98,7 @@ def diagnosed(**steps_k: float) -> list[Record]:
     return said + list(pipeline.finish())
 
 
+@pytest.mark.slow
 def test_another_unit_is_named_and_is_no_fault() -> None:
     said = diagnosed(motor_temperature=5.0, nut_temperature=-4.0)
     assert not [record for record in said if isinstance(record, Detection) and record.detected]
@@ -106,6 +107,7 @@ def test_another_unit_is_named_and_is_no_fault() -> None:
     assert "unit exchanged 14." in last.words
 
 
+@pytest.mark.slow
 def test_a_thermocouple_alone_is_still_a_fault() -> None:
     said = diagnosed(motor_temperature=8.0)
     last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]

@@ -95,6 +95,7 @@ def told(row: Parity, sign: int, quadrant: Quadrant) -> str:
     return {0: "0", 1: "+", -1: "-"}[turned]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stand", ["flea", "ema", "wing", "cranfield", "joint"])
 def test_every_cell_is_the_sign_of_what_runs(stand: str) -> None:
     files = load_stand(stand)

@@ -46,6 +46,7 @@ def full(flea: Actuator, faults: dict[str, Fault]) -> Diagnosability:
     return diagnosability(flea, faults, period_s=PERIOD)
 
 
+@pytest.mark.slow
 def test_groups_that_slow_channels_cannot_split(full: Diagnosability) -> None:
     friction = {"jam", "spall", "ball_nut_friction"}
     for fault in friction:
@@ -93,6 +94,7 @@ def test_bias_of_current_needs_the_other_direction_to_be_told_from_scaling(
     )
 
 
+@pytest.mark.slow
 def test_extra_sensor_that_would_split(flea: Actuator, faults: dict[str, Fault]) -> None:
     fewer = ["motor_current", "motor_speed", "motor_voltage", "actuator_position"]
     with_cell = diagnosability(
@@ -108,6 +110,7 @@ def test_extra_sensor_that_would_split(flea: Actuator, faults: dict[str, Fault])
     assert extra_sensors(flea, list(flea.sensors), faults, "jam", "spall", PERIOD) == ()
 
 
+@pytest.mark.slow
 def test_recorded_channels_alone(flea: Actuator) -> None:
     few = flea.with_sensors(RECORDED)
     assert "parity_mechanical" in usable_residuals(few)
@@ -164,6 +167,7 @@ MOTOR = ["motor_voltage", "motor_current", "motor_speed", "load_force"]
 POSITION = ["motor_voltage", "motor_current", "actuator_position", "load_force", "nut_temperature"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensors", "by_sign"),
     [

@@ -176,6 +176,7 @@ def test_parity_columns(
     ]
 
 
+@pytest.mark.slow
 def test_direction_normalised_relation_keeps_the_sign_of_friction_and_loses_that_of_bias(
     shipped: Actuator, faults: dict[str, Fault]
 ) -> None:

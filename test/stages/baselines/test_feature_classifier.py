@@ -49,6 +49,7 @@ def said(run: tuple[Record, ...]) -> list[Record]:
     return [*out, *stage.finish()]
 
 
+@pytest.mark.slow
 def test_a_healthy_stand_is_called_nominal_once() -> None:
     (group,) = said(stand(""))
     assert isinstance(group, AmbiguityGroup)
@@ -98,6 +99,7 @@ def test_a_campaign_hands_its_network_to_that_baseline_alone(tmp_path: Path) -> 
     assert plan_sha256(campaign, (hybrid, ours)) == plan_sha256(elsewhere, moved)
 
 
+@pytest.mark.slow
 def test_limit_checks_learn_from_the_bags_that_a_campaign_names(tmp_path: Path) -> None:
     given = {**CAMPAIGN, "configurations": ["limit_checks"], "learn_from": [f"{BAGS}/nominal"]}
     campaign = campaign_from_mapping(given, "test", tmp_path)

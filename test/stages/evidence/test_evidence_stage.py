@@ -20,6 +20,8 @@ from flea_diag.tools.calibrate.procedure import learn
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Detection, Record
 
+pytestmark = pytest.mark.slow
+
 STAND = load_stand(str(FLEA_STAND))
 PERIOD_NS = 10_000_000
 ONSET_S = 9.0

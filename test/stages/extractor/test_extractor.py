@@ -319,6 +319,7 @@ def test_jump_back_in_time_starts_afresh() -> None:
     assert ring.end_ns == START + SECOND // 10
 
 
+@pytest.mark.slow
 def test_the_first_answer_of_a_node_does_not_wait_for_imports() -> None:
     """What a feature stands on is loaded before the node listens."""
     code = (

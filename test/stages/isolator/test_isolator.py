@@ -118,6 +118,7 @@ def less_lubricated(onset_s: float) -> tuple[Record, ...]:
     return tuple(stands.feed(stands.observer(), [stands.table(), *scans]))
 
 
+@pytest.mark.slow
 def test_a_weak_drag_that_comes_within_a_run_is_held_against_the_units_own():
     (detection,) = stands.of(Detection, less_lubricated(13.0))
     assert detection.test.endswith("N above its earlier level")
@@ -134,6 +135,7 @@ def test_a_weak_drag_that_comes_within_a_run_is_held_against_the_units_own():
     assert "(parity_mechanical_dn: z = " in group.words
 
 
+@pytest.mark.slow
 def test_a_weak_drag_that_is_there_from_the_start_is_the_units_own():
     out = less_lubricated(0.0)
     assert stands.of(Detection, out) == []
@@ -206,6 +208,7 @@ def test_bias_and_scaling_of_a_steady_temperature_are_not_split_by_this_evidence
     assert all(fault.startswith("motor_temperature") for fault in stands.members(group))
 
 
+@pytest.mark.slow
 def test_a_recording_that_ends_at_once_stays_detected():
     (detection,) = stands.of(Detection, observed())
     soon = [s for s in jammed() if s.stamp_ns < detection.stamp_ns + S // 2]
@@ -286,6 +289,7 @@ def digest(records) -> str:
     return found.hexdigest()
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_live_interleavings_decide_as_the_replay_does(seed):

@@ -26,6 +26,8 @@ from flea_diag.wire.records import (
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000
 ONSET_S, AWAY_S, END_S = 8.1, 2.0, 22.0
 LATCHED = (ChannelTable, Symbols, DataQuality, Detection)

@@ -132,6 +132,7 @@ def test_a_relation_that_is_not_judged_is_named_beside_no_deviation() -> None:
     assert len(verdict.not_observable) > len(whole.not_observable)
 
 
+@pytest.mark.slow
 def test_blocks_and_single_scans_give_the_same_ledger() -> None:
     spoilt = [stands.table(), *lacking("load_force", 29)]
     single = stands.of(DataQuality, stands.feed(stands.observer(), spoilt))

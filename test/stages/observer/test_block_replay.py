@@ -74,6 +74,7 @@ def test_what_a_stream_needs_is_built_before_its_first_scan_and_anew_for_the_nex
     assert chain.stream is not first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", [NEVER, 5], ids=["nothing follows", "an abstention follows"])
 def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection(after: int):
     """Even where the relation that shows it is void at the end of the same block."""
@@ -95,6 +96,7 @@ def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection(after
     assert replay.take(chain, block(event, len(jammed()), event + after))[1] == 0
 
 
+@pytest.mark.slow
 def test_live_blocks_of_a_few_scans_leave_little_to_repeat_after_an_event():
     event, chain, replay, few = detected_at(), warm(), BlockReplay(), 3
     at, kept = START, []

@@ -15,6 +15,8 @@ from flea_diag.stages.observer.channels import Channels
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelInfo, ChannelTable, DataQuality, Quality, Residual, Scan
 
+pytestmark = pytest.mark.slow
+
 FLEA = compiled_relations("actuator.yaml").residuals
 
 NAMES = ("load_force", "unknown", "motor_current", "actuator_position")

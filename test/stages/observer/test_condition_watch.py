@@ -40,6 +40,8 @@ from flea_diag.wire.records import (
     Scan,
 )
 
+pytestmark = pytest.mark.slow
+
 UPPER = {"kind": "triangle", "amplitude_m": 0.03, "frequency_hz": 0.2, "centre_m": 0.085}
 LOWER = {**UPPER, "centre_m": 0.015}
 NUT = {"stopped": "nut", "overtravel_m": 0.015}

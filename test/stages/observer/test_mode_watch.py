@@ -35,6 +35,8 @@ from flea_diag.wire.records import (
     Scan,
 )
 
+pytestmark = pytest.mark.slow
+
 AXIS = ROOT / "config" / "stands" / "axis"
 BRAKE = {"for_s": 3.0, "every_s": 12.0}
 """Engaged from 0 to 3 s and from 12 to 15 s."""

@@ -13,6 +13,7 @@ from flea_diag.wire.records import Detection, Residual, Symbols
 S = 1_000_000_000
 
 
+@pytest.mark.slow
 def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
     out = stands.feed(stands.observer(), [stands.table(), *healthy()])
     assert decisions(out) == []
@@ -26,6 +27,7 @@ def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
     assert last.regressor_names[-1] == "moving"
 
 
+@pytest.mark.slow
 def test_a_jam_is_detected_within_a_second_and_never_before():
     out = stands.feed(stands.observer(), jammed())
     (detection,) = stands.of(Detection, out)
@@ -45,6 +47,7 @@ def test_a_jam_is_detected_within_a_second_and_never_before():
             assert (one.residual, one.magnitude) == (other.residual, other.magnitude)
 
 
+@pytest.mark.slow
 def test_the_same_scans_give_the_same_records():
     one, two = (stands.feed(stands.observer(), jammed()) for _ in range(2))
     assert repr(one) == repr(two)
@@ -73,6 +76,7 @@ def test_a_biased_sensor_is_detected_by_its_own_residuals(channel, error, residu
     assert 0.0 < (detection.stamp_ns - faulty[1200].stamp_ns) / 1e9 < 2.5
 
 
+@pytest.mark.slow
 def test_reset_closes_the_episode_and_arms_again():
     stage = stands.observer()
     assert stage.reset() == ()
@@ -85,6 +89,7 @@ def test_reset_closes_the_episode_and_arms_again():
     assert [(d.detected, d.episode) for d in found] == [(True, 2)]
 
 
+@pytest.mark.slow
 def test_an_episode_ends_by_itself_once_all_is_quiet():
     columns = ema.noisy(ema.run(seconds=24.0), 52)
     biased = columns["motor_current"].copy()
@@ -108,6 +113,7 @@ def test_at_rest_nothing_is_called():
     assert np.isnan(stands.of(Residual, out)[-1].z[0])
 
 
+@pytest.mark.slow
 def test_with_encoder_and_command_a_position_fault_stays_in_its_own_residuals():
     columns = ema.noisy(ema.run(seconds=16.0), 54)
     columns["actuator_position"] = columns["actuator_position"].copy()

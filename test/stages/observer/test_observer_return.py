@@ -28,6 +28,8 @@ from flea_diag.wire.records import (
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000
 AWAY = 150
 """Scans that arrive while no observer runs."""

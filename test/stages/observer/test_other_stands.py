@@ -71,6 +71,7 @@ def test_the_power_of_a_supply_is_identified(learned):
     assert from_mapping(yaml.safe_load(yaml.safe_dump(learned.to_mapping())), "x") == learned
 
 
+@pytest.mark.slow
 def test_a_healthy_stepper_is_quiet_and_a_drag_is_detected(described, learned):
     assert not of(Detection, observed(described, learned, stepper.run(7)))
     dragged = observed(described, learned, stepper.run(7, drag_n=75.0, onset_s=ONSET_S))

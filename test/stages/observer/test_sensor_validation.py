@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from support import stands
 from support.observer_scans import after, counters, healthy
 
@@ -12,6 +13,7 @@ from flea_diag.stages.observer.sensor_validation import SensorValidation
 FLEA = compiled_relations("actuator.yaml").residuals
 
 
+@pytest.mark.slow
 def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
     at = healthy()[0].channels.index("load_force")
     held = healthy()[1000].values[at]

@@ -52,6 +52,7 @@ def test_readings_lie_in_the_band_of_the_estimate_as_often_as_sigma_says(kind):
     assert (ess == math.inf).all() if kind == "kalman" else (ess <= 200.0).all()
 
 
+@pytest.mark.slow
 def test_what_is_told_has_the_same_bits_compiled():
     """The Kalman filter itself is not compiled; an episode freezes it."""
     pytest.importorskip("numba")
@@ -89,6 +90,7 @@ def test_backends_agree_on_the_estimate(backend):
     np.testing.assert_allclose(other.estimates, one.estimates, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_jam_turns_the_innovation_against_the_motion():
     """More drag than foretold: the motor is slower than the filter, whichever way it goes."""
     table = np.array([innovations(r) for r in open_loop(jammed())])

@@ -27,6 +27,8 @@ from flea_diag.wire.records import (
     Scan,
 )
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def records(bag: str) -> tuple[Record, ...]:

@@ -180,6 +180,7 @@ def test_no_limit_where_nothing_can_be_learned(columns):
     assert limits(traces(columns), 0.1, 0.01) == ()
 
 
+@pytest.mark.slow
 def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
     have = {limit.name for limit in stands.calibration().limits}
     assert {"parity_mechanical", "parity_electrical_dn", "motor_temperature"} <= have
