@@ -144,6 +144,11 @@ def _second_load(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     return c._replace(unseen_load=size)
 
 
+def _unbalance(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """A part has moved in its clamp: another moment where the link lies level."""
+    return c._replace(link_moment=c.link_moment + size)
+
+
 def _none(c: Coefficients, _size: float, _own: Numbers) -> Coefficients:
     return c
 
@@ -171,6 +176,9 @@ PLANT_FAULTS: Mapping[str, PlantFault] = {
     "gear_friction": PlantFault(
         "gear friction (lubrication lost)", "times nominal viscous friction", "hybrid",
         _ball_nut_friction, ("dry_share",)),
+    "bearing_friction": PlantFault(
+        "bearing friction (lubrication lost)", "times nominal viscous friction", "physics",
+        _ball_nut_friction, ("dry_share",)),
     "backlash": PlantFault("backlash of the nut", "m", "hybrid", _backlash),
     "rotor_eccentricity": PlantFault("rotor shaft eccentricity", "of 0.1 mm", "hybrid",
                                      _rotor_eccentricity, ("ripple_n",)),
@@ -196,6 +204,7 @@ PLANT_FAULTS: Mapping[str, PlantFault] = {
                                   _controller_gain),
     "slipping_gear": PlantFault("slipping gear", "share of the motor's way", "physics",
                                 _slipping_gear),
+    "unbalance": PlantFault("moment of what turns out of balance", "N m", "physics", _unbalance),
     "second_load": PlantFault("second load, not on the load cell", "N", "physics", _second_load),
     "accelerometer_1_fault": PlantFault(
         "accelerometer 1 (motor housing): noise, or dead at size 0", "m/s^2 of noise, 0: dead",

@@ -86,7 +86,8 @@ class SimulatedStand:
         position, _ = commanded(scenario, np.zeros(1))
         start_m = float(np.clip(position[0], travel.low_m, travel.high_m))
         c = coefficients(self.units[run.active_unit], self.bench)
-        holds_v = c.weight / c.force_constant * (c.resistance + c.droop)
+        pull = c.weight + c.link_moment * float(np.cos(start_m - c.link_level))
+        holds_v = pull / c.force_constant * (c.resistance + c.droop)
         self._actuator = ActuatorPlant.at_rest(self.bench, start_m, holds_v)
 
     # -- running ---------------------------------------------------------------------------

@@ -135,7 +135,7 @@ def calibrate(
     """
     from flea_diag.configuration.description import compiled_relations
     from flea_diag.tools.calibrate.procedure import learn
-    from flea_diag.tools.calibrate.recording_checks import check_modes, check_signs
+    from flea_diag.tools.calibrate.recording_checks import check_bands, check_modes, check_signs
 
     if not false_alarms_per_hour > 0.0:
         raise ConfigurationError(f"false_alarms_per_hour = {false_alarms_per_hour}: must exceed 0")
@@ -147,6 +147,7 @@ def calibrate(
         if refused:
             raise CalibrationError(refused[0])
         check_signs(nominal, relations)
+        check_bands(nominal, relations)
         check_modes(nominal, relations)
         found = learn(nominal, known.files.actuator, false_alarms_per_hour, sharing)
     return Calibrated(known, found)

@@ -100,6 +100,13 @@ def never_seen(rows: Sequence[ModeRow], recordings: Sequence[Array]) -> list[Mod
     ]
 
 
+def never_seen_words(row: ModeRow, channel: str) -> str:
+    """That a mode is never seen, and where its channel would have to be."""
+    limits = ((row.above, "above"), (row.below, "below"))
+    between = " and ".join(f"{word} {limit:g}" for limit, word in limits if limit == limit)
+    return f"mode {row.name} is never seen: {channel} is nowhere {between}"
+
+
 def _state(values: Array, row: ModeRow) -> States:
     """State of a mode by the readings of its channel alone, shape (n,)."""
     inside = ~((values <= row.above) | (values >= row.below))

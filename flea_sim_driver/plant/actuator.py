@@ -84,13 +84,13 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         "position_gain": bench.position_gain_v_m,
         "position_knee": bench.position_knee_m,
         "position_reset": bench.position_reset_v_m_s,
+        "rate_gain": bench.rate_gain_v_s_m,
         "reset_limit": bench.reset_limit_v,
         "droop": bench.droop_ohm,
         "droop_lag": bench.droop_lag_s,
         "coupling_stiffness": bench.coupling_stiffness_n_m,
         "coupling_damping": bench.coupling_damping_n_s_m,
-        "load_mass": bench.load_mass_kg + bench.payload_kg,
-        "weight": bench.gravity_m_s2 * (bench.load_mass_kg + bench.payload_kg),
+        **_carried(bench),
         "load_coulomb": bench.load_coulomb_n,
         "load_viscous": bench.load_viscous_n_s_m,
         "load_drag": bench.load_drag_n,
@@ -114,6 +114,20 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         **_stops(bench),
         "stop_stiffness": bench.end_stop_stiffness_n_m,
         "stop_damping": bench.end_stop_damping_n_s_m,
+    }
+
+
+def _carried(bench: Bench) -> dict[str, float]:
+    """Inertia and weight of the load side with its payload: a carriage, or a link that turns."""
+    turning = bench.payload_arm_m > 0.0
+    moment = bench.link_kg_m + bench.payload_kg * bench.payload_arm_m
+    payload = bench.payload_kg * (bench.payload_arm_m**2 if turning else 1.0)
+    mass = bench.load_mass_kg + payload
+    return {
+        "load_mass": mass,
+        "weight": 0.0 if turning else bench.gravity_m_s2 * mass,
+        "link_moment": bench.gravity_m_s2 * moment if turning else 0.0,
+        "link_level": bench.link_level_rad,
     }
 
 

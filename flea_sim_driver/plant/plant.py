@@ -66,6 +66,7 @@ class Coefficients(NamedTuple):
     position_gain: float
     position_knee: float
     position_reset: float
+    rate_gain: float
     reset_limit: float
     droop: float
     droop_lag: float
@@ -82,6 +83,8 @@ class Coefficients(NamedTuple):
     coupling_damping: float
     load_mass: float
     weight: float
+    link_moment: float
+    link_level: float
     load_coulomb: float
     load_viscous: float
     load_drag: float
@@ -124,8 +127,9 @@ def _clipped(value: float, limit: float) -> float:
 
 
 def _position_loop(
-    c: Any, dt: float, wanted: float, noise: float, i: float, x: float, felt: float, wish: float
-) -> tuple[float, float, float]:
+    c: Any, dt: float, wanted: float, noise: float, i: float, x: float, v: float, felt: float,
+    wish: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Voltage command, soft near zero error and drooping with the current, and its states."""
     seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise
     error = wanted - seen
@@ -135,6 +139,8 @@ def _position_loop(
     command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
     wish = _clipped(wish + dt * c.position_reset * error, c.reset_limit)
     command += wish - c.droop * felt
+    if c.rate_gain != 0.0:
+        command -= c.rate_gain * v
     return command, felt, wish
 
 
@@ -239,6 +245,8 @@ def _load_resistance(
     if c.load_stiffness != 0.0:
         lever = _lever(c, xl)
         resist += c.load_stiffness * (xl - c.load_centre) / (lever * lever)
+    if c.link_moment != 0.0:
+        resist += c.link_moment * math.cos(xl - c.link_level)
     return resist + drag_noise * vl / (abs(vl) + 0.02)
 
 
@@ -251,7 +259,7 @@ def _integrate(
         # What a motor whose gear slips turns beyond the nut: its own sensor reads both.
         turned = x + slipped
         command, felt, wish = _position_loop(
-            c, dt, reference[k], noise[k, 0], i, turned, felt, wish
+            c, dt, reference[k], noise[k, 0], i, turned, v, felt, wish
         )
         command, voltage, i = _drive(c, command, c.force_constant * v * (1.0 + c.slip), i)
         # Motor and screw, against the coupling.

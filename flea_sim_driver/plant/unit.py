@@ -149,5 +149,13 @@ class Bench:
     """By which the load side and its payload pull against extension: 9.81 for a vertical axis."""
     payload_kg: NotNegative = 0.0
     """On the load side, of a scenario that gives none."""
+    rate_gain_v_s_m: float = 0.0
+    """Of the speed in the position loop, for a machine that its own losses damp too little."""
+    payload_arm_m: NotNegative = 0.0
+    """From the axis of a link that turns in the vertical plane to its payload; 0: it slides."""
+    link_kg_m: float = 0.0
+    """Mass of such a link by the distance of its centre from the axis."""
+    link_level_rad: float = 0.0
+    """Angle at which it lies level, its payload pulling against extension."""
     brake_holds_n: NotNegative = 0.0
     """Dry friction of the holding brake on the motor's side; 0: none."""

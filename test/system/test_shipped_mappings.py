@@ -7,6 +7,7 @@ are the scans of the simulation, imported and live, and a healthy run is NOMINAL
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -22,20 +23,41 @@ from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import Scan
 
 STANDS = sorted(path.parent.name for path in (ROOT / "config" / "stands").glob("*/channels.yaml"))
-HEALTHY = {"joint": ("nominal", "nominal_sweep"), "axis": ("nominal", "nominal_sweep")}
+MOTIONS = ("nominal", "nominal_sweep")
+HEALTHY = dict.fromkeys(("joint", "axis", "shoulder", "gimbal"), MOTIONS)
 """Stand with topics -> two healthy motions. Those with columns or text are read from the recordings
 of others: test_cranfield.py, test_real_flea.py."""
 ELSEWHERE = ("cranfield", "flea")
-SENT, WARM = 120, {"joint": "/elbow/temperature", "axis": "/lift/temperature"}
-SCRIPTS = {"joint": "robot_recordings", "axis": "axis_recordings"}
-PLACES = {"joint": {}, "axis": {"bus_voltage": 1e-7}}
+SENT = 120
+PACED = {
+    "joint": "/elbow/temperature",
+    "axis": "/lift/temperature",
+    "shoulder": "/shoulder/temperature",
+    "gimbal": "/camera/imu",
+}
+SINGLE = {"bus_voltage": 1e-7}
 """Relative error of channels that their messages hold as single floats."""
 
 
-def robot(stand: str) -> Any:
-    """The tutorial's script that makes messages of simulated scans."""
-    path = ROOT / "docs" / "tutorial" / f"{SCRIPTS[stand]}.py"
-    spec = spec_from_file_location(SCRIPTS[stand], path)
+def messages_of(stand: str, scans: list[Scan]) -> Iterator[tuple[str, int, Any]]:
+    """What the machine publishes, by the tutorials' scripts."""
+    if stand == "joint":
+        yield from script("robot_recordings").messages(scans)
+    else:
+        yield from script("machine_recordings").messages(stand, scans)
+
+
+def write_bag(stand: str, folder: Path, scans: list[Scan]) -> None:
+    """The same as a bag."""
+    if stand == "joint":
+        script("robot_recordings").write_bag(folder, scans)
+    else:
+        script("machine_recordings").write_bag(stand, folder, scans)
+
+
+def script(name: str) -> Any:
+    """One that makes messages of simulated scans."""
+    spec = spec_from_file_location(name, ROOT / "docs" / "tutorial" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
@@ -58,9 +80,9 @@ def scans_of(bag: Path) -> list[Scan]:
     return [record for _, record in read_bag(bag, (Scan,)) if isinstance(record, Scan)]
 
 
-def alike(stand: str, one: Scan, other: Scan) -> None:
+def alike(one: Scan, other: Scan) -> None:
     for name, value, wanted in zip(one.channels, one.values, other.values, strict=True):
-        assert value == pytest.approx(wanted, rel=PLACES[stand].get(name, 1e-12))
+        assert value == pytest.approx(wanted, rel=SINGLE.get(name, 1e-12))
 
 
 def test_every_shipped_mapping_is_tested() -> None:
@@ -72,7 +94,7 @@ def test_healthy_recordings_are_quiet_through_the_mapping(
     stand: str, simulated: Path, tmp_path: Path
 ) -> None:
     for bag in (simulated / stand).iterdir():
-        robot(stand).write_bag(tmp_path / "recordings" / bag.name, scans_of(bag))
+        write_bag(stand, tmp_path / "recordings" / bag.name, scans_of(bag))
     recorded = sorted(str(path) for path in (tmp_path / "recordings").iterdir())
     bags, told = tmp_path / "bags", tmp_path / "verdict.json"
     assert main(["import", "--stand", stand, *recorded, "-o", str(bags)]) == 0
@@ -83,7 +105,7 @@ def test_healthy_recordings_are_quiet_through_the_mapping(
         # The gear is divided out of the speed and multiplied in again.
         for one, other in zip(made, expected, strict=True):
             assert one.channels == other.channels
-            alike(stand, one, other)
+            alike(one, other)
         assert main(["replay", str(bags / motion), "--stand", stand, "--json", str(told)]) == 0
         verdict = json.loads(told.read_text(encoding="utf-8"))
         assert (verdict["outcome"], verdict["episodes"]) == ("NOMINAL", [])
@@ -93,9 +115,9 @@ def test_healthy_recordings_are_quiet_through_the_mapping(
 def test_live_scans_are_those_of_the_simulation(stand: str, simulated: Path, domain: int) -> None:
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
     expected = scans_of(simulated / stand / HEALTHY[stand][0])[:SENT]
-    messages = list(robot(stand).messages(expected))
+    messages = list(messages_of(stand, expected))
     assert {topic for topic, *_ in messages} == set(channel_sources(load_stand(stand)).topics)
-    scans, *_ = bridged(domain, stand, messages, WARM[stand], SENT - 4)
+    scans, *_ = bridged(domain, stand, messages, PACED[stand], SENT - 4)
     assert [scan.stamp_ns for scan in scans] == [s.stamp_ns for s in expected[: len(scans)]]
     for one, other in zip(scans, expected, strict=False):
-        alike(stand, one, other)
+        alike(one, other)

@@ -22,6 +22,7 @@ from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Pa
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
 from flea_diag.core.bond_graph.modes import modes
+from flea_diag.core.bond_graph.supplies import supplies
 from flea_diag.core.bond_graph.tolerance import free_per_run, tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.scan_counts import SMOOTHING_S, SMOOTHINGS_S
@@ -60,6 +61,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
             arrows.append((sensor.at, elements[-1].name))
     graph = bond_graph(top.name, tuple(elements), tuple(arrows), parameters)
     units = {name: sensor.unit for name, sensor in sensors.items()}
+    residuals = described_residuals(top.residuals, where)
     result = Actuator(
         top.name,
         top.description,
@@ -69,7 +71,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         inputs,
         _views(top, sensors, graph, where),
         _operating(top, where),
-        described_residuals(top.residuals, where),
+        residuals,
         base_parameters(top.base_parameters, graph.parameters, f"{where}: base_parameters"),
         top.predicted,
         travel(top.travel, graph, {s.at for s in sensors.values() if s.integrates}, where),
@@ -77,6 +79,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         top.smoothing_s,
         free_per_run(top.free_per_run, top.base_parameters, f"{where}: free_per_run"),
         modes(top.modes, graph, inputs | units, top.residuals, where),
+        supplies(top.supplies, sensors, residuals, graph.values(), where),
     )
     if sound:
         _check(result, where)
@@ -106,6 +109,7 @@ class _Description:
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
     free_per_run: tuple[str, ...] = ()
     modes: Mapping[str, Any] = field(default_factory=dict)
+    supplies: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

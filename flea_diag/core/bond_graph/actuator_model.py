@@ -19,6 +19,7 @@ from flea_diag.core.bond_graph.causal_relation import (
 from flea_diag.core.bond_graph.causality import Causality, require_sound
 from flea_diag.core.bond_graph.modes import MachineMode
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
+from flea_diag.core.bond_graph.supplies import Supply
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
 from flea_diag.core.scan_counts import SMOOTHING_S
@@ -64,8 +65,9 @@ class ResidualSpec:
 
     A normalised residual is multiplied by the sign of the flow at junction ``motion``, or at its
     own junction if ``motion`` is empty. The two readings of a difference agree up to the
-    parameters ``gain`` (of the reference) and ``offset``, and to what ``across`` takes between
-    the places of the two: the displacement of a store, or the effort of a resistor. A balance, that
+    parameters ``gain`` (of the reference) and ``offset``, to the share of its level that the
+    supply ``supplied_by`` has (a bridge of given duty), and to what ``across`` takes between the
+    places of the two: the displacement of a store, or the effort of a resistor. A balance, that
     of such a store too, leaves out the elements ``without``. A residual without ``signs`` is in no
     signature table. A prediction takes the stores ``lumped`` for one and the parameters
     ``neglected`` as 0. A power is summed over the bonds of ``junctions`` that lead out of them. A
@@ -82,6 +84,7 @@ class ResidualSpec:
     gain: str = ""
     offset: str = ""
     across: str = ""
+    supplied_by: str = ""
     divided_by: str = ""
     without: tuple[str, ...] = ()
     normalised: bool = False
@@ -144,6 +147,8 @@ class Actuator:
     """Base parameters that any recording may have its own value of: a payload, a counterweight."""
     modes: Mapping[str, MachineMode] = field(default_factory=dict)
     """Modes that a channel tells, by name."""
+    supplies: Mapping[str, Supply] = field(default_factory=dict)
+    """Supplies that a channel reads, by name."""
 
     @cached_property
     def causality(self) -> Causality:

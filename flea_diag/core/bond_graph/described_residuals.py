@@ -60,6 +60,11 @@ def check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
             f"{place}: {spec.channel} is held against nothing; name a reference, or as its offset "
             "the parameter that it reads while healthy"
         )
+    if spec.supplied_by and (spec.supplied_by not in made.supplies or not spec.reference):
+        raise ConfigurationError(
+            f"{place}: supplied_by {shown(spec.supplied_by)} is no supply, known are "
+            f"{', '.join(made.supplies) or 'none'}; it belongs to a difference with a reference"
+        )
     for channel in (spec.channel, *((spec.reference,) if spec.reference else ())):
         if channel not in made.units:
             raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")

@@ -26,6 +26,8 @@ UNITS: Mapping[str, tuple[str, ...]] = {
     LOAD: ("N", "N*m"),
 }
 COMMANDED = "commanded_"
+SUPPLIED = ("bus_", "battery_", "supply_")
+"""First parts of the names of what a supply is read by: its voltage is not that of a motor."""
 TELLING, CERTAIN = 4.0, 8.0
 """Standard errors by which coefficients of the balance must be below 0, and the surest of them,
 for a sign to be wrong."""
@@ -37,8 +39,9 @@ def roles_of(units: Mapping[str, str]) -> dict[str, str]:
     A load that is only commanded stands for the measured one; other commands have no role.
     """
     found: dict[str, str] = {}
+    own = {name: unit for name, unit in units.items() if not name.startswith(SUPPLIED)}
     for role, fitting in UNITS.items():
-        names = [name for name, unit in units.items() if unit in fitting]
+        names = [name for name, unit in own.items() if unit in fitting]
         measured = [name for name in names if not name.startswith(COMMANDED)]
         chosen = measured or (names if role == LOAD else [])
         if chosen:

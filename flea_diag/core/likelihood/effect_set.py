@@ -15,16 +15,15 @@ from types import FunctionType
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.basis import Basis, UnitTerm
-from flea_diag.core.likelihood.effects import EffectRules, FaultEffect
+from flea_diag.core.likelihood.effects import ELAPSED, EffectRules, FaultEffect, faster
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.plant_models import plant_models
-from flea_diag.core.likelihood.sensor_models import ELAPSED, expected, sensor_models
+from flea_diag.core.likelihood.sensor_models import expected, sensor_models
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import LATER_TOLERANCES, ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.residuals.unit_difference import (
     WEIGHED_PARAMETERS,
     heating_rate,
@@ -187,11 +186,7 @@ def _of_parameters(
 
 
 def _of_temperatures(predicted: Iterable[str]) -> Iterable[tuple[str, FaultEffect]]:
-    """A part that heats up faster than its node by 1 K/s.
-
-    The estimate that is frozen at the detection has lagged behind by its time of correction.
-    """
+    """A part that heats up faster than its node by 1 K/s."""
     for name in predicted:
-        rate = heating_rate(name)
-        yield rate, FaultEffect(name, ONE, Constant(CORRECTION_S))
-        yield rate, FaultEffect(name, ELAPSED, ONE)
+        for effect in faster(name, ONE):
+            yield heating_rate(name), effect

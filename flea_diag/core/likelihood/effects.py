@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from flea_diag.core.residuals.channel_units import CURRENT
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
+from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.symbolic.collect import collect, power_of, solved_for
 from flea_diag.core.symbolic.expression import (
     ONE,
@@ -46,6 +47,8 @@ class FaultEffect:
 
 Effects = tuple[FaultEffect, ...]
 POWER = "power"
+ELAPSED = Variable("elapsed_s")
+"""Time since the detection, s."""
 Gains = tuple[tuple[str, Expression], ...]
 """Residual and gain of a constant."""
 
@@ -140,10 +143,14 @@ class EffectRules:
         )
 
     def added(self, residual: str, drag: Expression, index: int = 0) -> Effects:
-        """Of a drag that is no change of a parameter, in corrected readings; none without it."""
+        """Of a drag that is no change of a parameter, in corrected readings; none without it.
+
+        In a prediction it is a rate, at which what is read runs away from what is predicted.
+        """
         row = self._set.named.get(residual)
         if row is None:
-            return ()
+            predicted = any(each.name == residual for each in self._set.predictions)
+            return faster(residual, drag, index) if predicted else ()
         parts = collect(drag, self._signals)
         return tuple(FaultEffect(residual, basis, gain, index) for basis, gain in parts.items())
 
@@ -236,6 +243,15 @@ class EffectRules:
     ) -> tuple[FaultEffect, ...]:
         parts = self._collected(row, expression)
         return tuple(FaultEffect(row.name, basis, gain, index) for basis, gain in parts.items())
+
+
+def faster(prediction: str, rate: Expression, index: int = 0) -> Effects:
+    """Of a store that rises faster than predicted, by its unit per second.
+
+    The estimate that is frozen at the detection has lagged behind by its time of correction.
+    """
+    lag = FaultEffect(prediction, ONE, rate * Constant(CORRECTION_S), index)
+    return (lag, FaultEffect(prediction, ELAPSED, rate, index))
 
 
 def _answer(relations: RelationSet) -> tuple[CompiledRelation, Expression] | None:

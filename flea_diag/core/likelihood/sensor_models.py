@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.faults.effect_row import SizeBounds
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.likelihood.effects import EffectRules, Effects, FaultEffect, Gains
+from flea_diag.core.likelihood.effects import ELAPSED, EffectRules, Effects, FaultEffect, Gains
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -33,8 +33,6 @@ from flea_diag.core.symbolic.expression import (
 Signal = tuple[tuple[Expression, Expression], ...]
 """A sum of basis signals, each with its factor."""
 
-ELAPSED = Variable("elapsed_s")
-"""Time since the detection, s."""
 CONSTANT, GROWING = ((ONE, ONE),), ((ELAPSED, ONE),)
 
 

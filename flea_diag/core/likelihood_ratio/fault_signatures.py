@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood.sensor_models import ELAPSED
 from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]

@@ -118,6 +118,12 @@ class MeasuredGraph:
 
     def _in_series(self, bond: Bond, junction: Element, seen: tuple[str, ...]) -> Expression | None:
         """Flow that a 0-junction passes on, where it has one other bond."""
+        passed = self._passed(bond, junction)
+        known = self.common(passed[0], seen) if passed else None
+        return known if known is None or passed is None else passed[1] * known
+
+    def _passed(self, bond: Bond, junction: Element) -> tuple[Element, int] | None:
+        """The 1-junction whose motion a 0-junction passes on, and by which sign."""
         others = [
             other
             for other in self.graph.at(junction.name)
@@ -127,9 +133,8 @@ class MeasuredGraph:
             return None
         (other,) = others
         there = self.graph.elements[other.other(junction.name)]
-        known = self.common(there, seen) if there.kind == "1" else None
         along = (bond.head == junction.name) == (other.tail == junction.name)
-        return known if known is None or along else -known
+        return (there, 1 if along else -1) if there.kind == "1" else None
 
     def effort(self, bond: Bond, far: str) -> Expression:
         """Effort on a bond as the node at its far end makes it."""
@@ -165,12 +170,20 @@ class MeasuredGraph:
         return law.effort(place, p)
 
     def _place(self, junction: Element, seen: tuple[str, ...] = ()) -> Expression | None:
-        """Displacement of a 1-junction, from a sensor on it or on the far side of a gear."""
+        """Displacement of a 1-junction, from a sensor on it or on the far side of a gear.
+
+        Or of a spring that is left out: what it gives way is neglected.
+        """
         for sensor in self.actuator.sensors.values():
             if sensor.at == junction.name and sensor.integrates:
                 return Variable(sensor.channel)
         for bond in self.graph.at(junction.name):
             gear = self.graph.elements[bond.other(junction.name)]
+            if gear.kind == "0" and gear.name not in seen:
+                passed = self._passed(bond, gear)
+                beyond = self._place(passed[0], (*seen, gear.name)) if passed else None
+                if passed is not None and beyond is not None:
+                    return passed[1] * beyond
             if gear.kind != "TF" or "ratio" not in gear.parameters or gear.name in seen:
                 continue
             one, two = self.graph.at(gear.name)

@@ -161,6 +161,10 @@ def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
     if not spec.reference:
         return Variable(spec.channel) - Variable(spec.offset)
     one, other = _common_terms(actuator, spec.channel, spec.reference)
+    if spec.supplied_by:
+        supply = actuator.supplies[spec.supplied_by]
+        level = Variable(actuator.residuals[supply.residual].offset)
+        other = other * Variable(supply.channel) / level
     gap = one - (Variable(spec.gain) * other if spec.gain else other)
     if spec.across:
         lost = actuator.graph.elements[spec.across].kind == "R"

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.bond_graph.supplies import Supply
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.machine_modes import ModeRow
@@ -147,6 +148,8 @@ class ResidualSet(Frozen):
         Time over which readings are smoothed.
     modes
         Modes of the machine that a channel tells.
+    bands
+        Supplies whose level a relation of these holds.
     """
 
     units: Mapping[str, str]
@@ -174,6 +177,7 @@ class ResidualSet(Frozen):
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smoothing_s: float = SMOOTHING_S
     modes: tuple[ModeRow, ...] = ()
+    bands: tuple[Supply, ...] = ()
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

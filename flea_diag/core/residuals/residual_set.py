@@ -78,7 +78,8 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
         replace(row, needs=tuple(dict.fromkeys((*row.needs, *(c for c, k in told if k == j)))))
         for j, row in enumerate(made.parities)
     )
-    return replace(made, modes=modes, parities=parities)
+    bands = tuple(s for s in actuator.supplies.values() if s.residual in known.names)
+    return replace(made, modes=modes, parities=parities, bands=bands)
 
 
 def _mode(actuator: Actuator, known: RelationSet, rows: ResidualSet, mode: MachineMode) -> ModeRow:

@@ -128,7 +128,7 @@ def monomial(text: str) -> Expression:
     """Expression of a product such as ``screw_viscous_friction/screw_ratio^2``.
 
     Each ``/`` divides by one factor. A factor may be a sum of names in parentheses, or ``fabs`` of
-    a name.
+    a name. The product of nothing is ``1``.
 
     Raises
     ------
@@ -136,6 +136,8 @@ def monomial(text: str) -> Expression:
         Anything else than names, ``*``, ``/``, ``^`` with one digit and such sums.
     """
     found: Expression = ONE
+    if text == "1":
+        return found
     place = 0
     while place < len(text) or not text:
         token = _FACTOR.match(text, place)

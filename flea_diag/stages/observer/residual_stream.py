@@ -27,6 +27,7 @@ from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
+from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
 from flea_diag.stages.stream.lost_scans import LostScans
@@ -96,6 +97,7 @@ class ResidualStream:
         self._lost = LostScans(known, c.counts.kernel)
         self.conditions = ConditionWatch(c, relations)
         self.modes = ModeWatch(known)
+        self._bands = SupplyBands(relations)
         self._outside_ns = NEVER_NS
         self.envelope = (
             EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s)
@@ -225,6 +227,7 @@ class ResidualStream:
             if self.modes.voids:
                 self._warm_up.begin(int(stamps_ns[-1]))
             self._learn(self._warm_up, residuals, int(stamps_ns[0]), frozen)
+        self._bands.leave_out(residuals)
         # After the learning: the offsets of a unit are its own wherever it stands.
         if self.envelope is not None:
             self.envelope.leave_out(residuals)

@@ -110,7 +110,7 @@ def check_modes(recordings: Sequence[NominalRecording], known: ResidualSet) -> l
     CalibrationError
         Its channel is in none, or relations hold in this mode alone.
     """
-    from flea_diag.core.machine_modes import never_seen
+    from flea_diag.core.machine_modes import never_seen, never_seen_words
 
     said = []
     for mode in never_seen(known.modes, [each.run.rows for each in recordings]):
@@ -120,9 +120,7 @@ def check_modes(recordings: Sequence[NominalRecording], known: ResidualSet) -> l
                 f"mode {mode.name}: no recording has the channel {channel} that tells it: record it"
                 " (channels.yaml), or take the mode out of the description"
             )
-        limits = ((mode.above, "above"), (mode.below, "below"))
-        between = " and ".join(f"{word} {limit:g}" for limit, word in limits if limit == limit)
-        words = f"mode {mode.name} is never seen: {channel} is nowhere {between}"
+        words = never_seen_words(mode, channel)
         if mode.only:
             names = ", ".join(known.rows[j].name for j in mode.only)
             raise CalibrationError(
@@ -130,6 +128,29 @@ def check_modes(recordings: Sequence[NominalRecording], known: ResidualSet) -> l
             )
         said.append(f"{words}; record the machine in it, too, if it is used so")
     return said
+
+
+def check_bands(recordings: Sequence[NominalRecording], known: ResidualSet) -> None:
+    """Refuse healthy recordings of a supply that is not within its band.
+
+    Raises
+    ------
+    CalibrationError
+        Names the recording, the channel, its mean, the band and the remedy.
+    """
+    import numpy as np
+
+    for band in known.bands:
+        for each in recordings:
+            read = each.run.rows[:, known.index[band.channel]]
+            read = read[np.isfinite(read)]
+            mean = float(np.mean(read)) if len(read) else band.low
+            if not band.low <= mean <= band.high:
+                raise CalibrationError(
+                    f"{each.run.name}: {band.channel} reads {mean:.4g} {known.units[band.channel]} "
+                    f"in the mean, supply {band.name} is healthy from {band.low:g} to "
+                    f"{band.high:g}: correct its band, or leave the recording out"
+                )
 
 
 def check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:

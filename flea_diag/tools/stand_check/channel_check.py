@@ -79,11 +79,19 @@ def _check(
         gap_s,
         tuple(_read_by(info.name, relations)),
         unit_refusal(info.name, info.unit, relations.units_of)
-        or _problem(info, read, missing, gap_s),
+        or _problem(info, read, missing, gap_s, _tells_mode(info.name, relations)),
     )
 
 
-def _problem(info: ChannelInfo, read: Array, missing: float, gap_s: float) -> str:
+def _tells_mode(channel: str, relations: RelationSet) -> bool:
+    """Whether a mode of the machine is told by it, which may be the same all the time."""
+    known = relations.residuals
+    return any(known.channel(channel) == mode.channel for mode in known.modes)
+
+
+def _problem(
+    info: ChannelInfo, read: Array, missing: float, gap_s: float, may_rest: bool = False
+) -> str:
     """Why a channel is not usable, in words."""
     if not len(read):
         return "no reading: is its sensor connected?"
@@ -92,7 +100,7 @@ def _problem(info: ChannelInfo, read: Array, missing: float, gap_s: float) -> st
             f"{missing:.0%} of the scans have no reading, at most {MOST_MISSING:.0%} may lack one; "
             f"the longest gap is {gap_s:.2g} s"
         )
-    if float(read.min()) == float(read.max()):
+    if float(read.min()) == float(read.max()) and not may_rest:
         return f"always {read[0]:g} {info.unit}: dead, or recorded at rest"
     outside = float(np.mean((read < info.minimum) | (read > info.maximum)))
     if outside > MOST_OUTSIDE:

@@ -17,8 +17,9 @@ from flea_diag.core.calibration.run_spread import tolerance_of
 from flea_diag.core.choice.planned_motion import completed
 from flea_diag.core.isolation.weights import own_sigma
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.likelihood import NormalEquations
-from flea_diag.core.likelihood.sensor_models import ELAPSED, expected
+from flea_diag.core.likelihood.sensor_models import expected
 from flea_diag.core.likelihood.size_bound import LikelihoodOf, SizeBound, size_bounds
 from flea_diag.core.residuals.parameters import ActuatorParameters, actuator_parameters
 from flea_diag.core.residuals.parity import channel_of

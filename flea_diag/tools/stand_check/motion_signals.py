@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet
-from flea_diag.core.likelihood.sensor_models import ELAPSED
+from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.expression import derivative, evaluate

@@ -12,6 +12,8 @@ from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR, FalseAlarm
 from flea_diag.core.faults.fault import Fault, of_sensors
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.likelihood.size_bound import SizeBound
+from flea_diag.core.machine_modes import never_seen, never_seen_words
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.tools.stand_check.channel_check import ChannelCheck, channel_checks
 from flea_diag.tools.stand_check.fault_sizes import FaultSizes
@@ -54,6 +56,8 @@ class StandPage:
     problems: tuple[str, ...]
     visible: tuple[VisibleSize, ...] = ()
     """What the calibration of the stand sees; empty where it holds no law of its recordings."""
+    modes: tuple[str, ...] = ()
+    """Words on each mode of the machine that no recording shows."""
 
     @property
     def missing_hours(self) -> float:
@@ -108,7 +112,14 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
         promise,
         tuple(_problems(checks)),
         law.visible if law is not None else (),
+        tuple(_modes(whole.relations.residuals, motions)),
     )
+
+
+def _modes(known: ResidualSet, motions: Sequence[RecordedMotion]) -> Iterator[str]:
+    told = [motion.in_order(known.channels) for motion in motions]
+    for mode in never_seen(known.modes, told):
+        yield never_seen_words(mode, known.channels[mode.channel])
 
 
 def _unseen(

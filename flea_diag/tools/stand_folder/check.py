@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_json(arguments.json, as_mapping(page))
     if arguments.json != "-":
         say(as_text(page))
-    for words in page.problems:
+    for words in (*page.problems, *page.modes):
         warn(words)
     return IN_PART if refused or page.problems else 0
 

@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--template",
         default="",
         metavar="NAME",
-        help="dc_screw, geared_joint, stepper_screw or wing (default: the one that fits)",
+        help="dc_screw, geared_joint, stepper_screw or wing (default: the one that fits); never "
+        "guessed are vertical_axis, weighed_joint or gimbal",
     )
     add(
         "--joint",

@@ -58,6 +58,7 @@ class _TemplateFile:
     stand: str
     needs: tuple[str, ...]
     current: Annotated[str, one_of(MOTOR, SUPPLY)] = MOTOR
+    asked: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ class Template:
         Channels without which it is not this kind.
     current
         Whether ``motor_current`` is that of the motor or of the supply of its drive.
+    asked
+        Whether it is taken only where it is named: what parts it from others no recording tells.
     """
 
     name: str
@@ -83,6 +86,7 @@ class Template:
     stand: Stand
     needs: tuple[str, ...]
     current: str
+    asked: bool = False
 
     @cached_property
     def model(self) -> Actuator:
@@ -127,7 +131,8 @@ def template(name: str) -> Template:
         )
     where = str(files[name])
     known = read_as(_TemplateFile, migrated("stand template", load_yaml(files[name]), where), where)
-    return Template(name, known.title, load_stand(known.stand), known.needs, known.current)
+    stand = load_stand(known.stand)
+    return Template(name, known.title, stand, known.needs, known.current, known.asked)
 
 
 @dataclass(frozen=True)
@@ -153,6 +158,7 @@ def fitting_template(
     """
     sources = named_by_behaviour(grid.sources, grid.period_s)
     known = [template(name) for name in ([wanted] if wanted else template_files())]
+    known = [each for each in known if wanted or not each.asked]
     _check_given(grid, sources, known, given)
     fits = [(each, chosen_channels(sources, each.units, given)) for each in known]
     usable = [

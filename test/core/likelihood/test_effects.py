@@ -14,6 +14,7 @@ from support.places import SHIPPED_STANDS
 from flea_diag.configuration import description
 from flea_diag.core.likelihood.effects import EffectRules, FaultEffect, Gains
 from flea_diag.core.likelihood.plant_models import plant_models
+from flea_diag.core.symbolic.collect import monomial
 from flea_diag.core.symbolic.expression import evaluate
 
 KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
@@ -210,3 +211,14 @@ def test_without_its_supply_a_turning_motor_reads_its_back_emf(name: str) -> Non
     assert {e.residual for e in coasting.effects} == {DRIVE}
     # The terminals read KE w; the relation expects 0.9 of the command.
     assert added == pytest.approx(KE * LEAD * -300.0 - 0.9 * 20.0)
+
+
+def test_a_rate_that_is_added_to_a_prediction_runs_away_from_it() -> None:
+    """Faster by r K/s: r times the time of correction when it is seen, and r t more after it."""
+    found = {str(e.basis): e for e in ENCODER.added("motor_temperature", monomial("1"))}
+    assert {e.residual for e in found.values()} == {"motor_temperature"}
+    assert {name: evaluate(e.gain, {}) for name, e in found.items()} == {
+        "1": 15.0,
+        "elapsed_s": 1.0,
+    }
+    assert SLOPE.added("no_such_residual", monomial("1")) == ()

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.places import CONFIG
 
+from flea_diag.configuration.description import described
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_compiler import relation_set
@@ -127,3 +129,13 @@ def test_the_direction_is_that_of_the_motion_not_of_the_current(drive: Actuator)
     assert known.relations[0].name == "parity_mechanical"
     assert "d_turned" in str(known.shapes[DIRECTION])
     assert DIRECTION not in known.named["parity_electrical"].signals
+
+
+def test_the_balance_of_an_arm_is_closed_across_a_spring_that_is_left_out() -> None:
+    """tau = J q'' + a cos q + b sin q, with the angle read before the spring."""
+    made = described(CONFIG / "stands" / "shoulder" / "actuator.yaml")
+    relation = parity_relation(made, made.residuals["parity_arm"])
+    read = {"load_force": 30.0, "actuator_position": 0.7, "d_d_actuator_position": 2.0}
+    values = made.graph.values()
+    weight = values["arm_level"] * np.cos(0.7) + values["arm_upright"] * np.sin(0.7)
+    assert relation(read) == pytest.approx(30.0 - 2.0 * values["arm_inertia"] - weight)

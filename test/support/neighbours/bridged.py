@@ -19,9 +19,11 @@ def bridged(
 
     No message overtakes one of the topic ``paced``: the bridge has said first that it has all.
     """
+    from geometry_msgs.msg import WrenchStamped
     from sensor_msgs.msg import BatteryState, Imu, JointState, Temperature
 
-    kinds = {kind.__name__: kind for kind in (BatteryState, Imu, JointState, Temperature)}
+    every = (BatteryState, Imu, JointState, Temperature, WrenchStamped)
+    kinds = {kind.__name__: kind for kind in every}
     of_topic = {topic: kinds[type(message).__name__.split("__")[-1]] for topic, _, message in sent}
     given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in of_topic)]
     command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
@@ -60,11 +62,17 @@ def _live(kind: Any, message: Any) -> Any:
         made.temperature = float(message.temperature)
         if hasattr(message, "voltage"):
             made.voltage = float(message.voltage)
+    elif hasattr(message, "wrench"):
+        _fill(made.wrench.torque, message.wrench.torque)
     else:
-        for axis in "xyz":
-            value = getattr(message.linear_acceleration, axis)
-            setattr(made.linear_acceleration, axis, float(value))
+        _fill(made.linear_acceleration, message.linear_acceleration)
+        _fill(made.angular_velocity, message.angular_velocity)
     return made
+
+
+def _fill(vector: Any, given: Any) -> None:
+    for axis in "xyz":
+        setattr(vector, axis, float(getattr(given, axis)))
 
 
 def _counted(records: list[Any], count: dict[str, int]) -> bool:

@@ -13,7 +13,7 @@ from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.errors import CalibrationError
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
-from flea_diag.tools.calibrate.recording_checks import check_modes
+from flea_diag.tools.calibrate.recording_checks import check_bands, check_modes
 
 AXIS = compiled_relations(load_stand("axis").actuator).residuals
 
@@ -49,3 +49,12 @@ def test_a_mode_whose_channel_none_has_is_refused() -> None:
     without = tuple(name for name in AXIS.channels if name != "brake_engaged")
     with pytest.raises(CalibrationError, match="no recording has the channel brake_engaged"):
         check_modes([recorded(0.0, without)], AXIS)
+
+
+def test_a_supply_beyond_its_band_is_refused() -> None:
+    healthy, low = recorded(0.0), recorded(0.0)
+    healthy.run.rows[:, AXIS.index["bus_voltage"]] = 300.0
+    check_bands([healthy], AXIS)
+    low.run.rows[:, AXIS.index["bus_voltage"]] = 240.0
+    with pytest.raises(CalibrationError, match="bus_voltage reads 240 V in the mean, supply link"):
+        check_bands([healthy, low], AXIS)

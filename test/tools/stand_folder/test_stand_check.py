@@ -173,3 +173,17 @@ def test_a_recording_that_is_none_is_refused(
 ) -> None:
     assert main(["stand", "check", str(JOINT), str(tmp_path / "nothing.csv")]) == 2
     assert "none of 1 recordings can be used" in capsys.readouterr().err
+
+
+def test_a_mode_that_no_recording_shows_is_said_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    given = ["--machine", "axis", "--duration", "10", "--unit-seed", "301", "-o", str(run)]
+    assert main(["simulate", "nominal_trapezoid", *given]) == 0
+    capsys.readouterr()
+    assert main(["stand", "check", "axis", str(run)]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert [line for line in told if "mode" in line] == [
+        "flea: mode braked is never seen: brake_engaged is nowhere above 0.5"
+    ]

@@ -1,0 +1,78 @@
+"""Supplies of a machine that a channel reads: the band in which each is healthy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+
+if TYPE_CHECKING:
+    from flea_diag.core.bond_graph.actuator_model import ResidualSpec, Sensor
+
+
+@dataclass(frozen=True)
+class Supply:
+    """Healthy while ``channel`` reads from ``low`` to ``high``, in its unit.
+
+    ``residual`` holds it against its level: it is 0 within the band, whatever the level.
+    """
+
+    name: str
+    channel: str
+    low: float = math.nan
+    high: float = math.nan
+    residual: str = ""
+
+
+def supplies(
+    rows: Mapping[str, Any],
+    sensors: Mapping[str, Sensor],
+    residuals: Mapping[str, ResidualSpec],
+    levels: Mapping[str, float],
+    where: str,
+) -> dict[str, Supply]:
+    """Name -> supply, in the order of the description; ``levels`` are values of parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        Names the supply, and the channel, band or residual that is wrong or missing.
+    """
+    found = {}
+    for name, row in rows.items():
+        place = f"{where}: supply {shown(name)}"
+        told = read_as(Supply, row, place, given={"name": name, "residual": ""})
+        if told.channel not in sensors:
+            raise ConfigurationError(
+                f"{place}: {shown(told.channel)} is no sensor, known are {', '.join(sensors)}"
+            )
+        held = [s for s in residuals.values() if s.pair == (told.channel,)]
+        if not held:
+            raise ConfigurationError(
+                f"{place}: no residual holds {told.channel} against its level; add one of kind "
+                "difference with this channel, and the parameter of its level as the offset"
+            )
+        _check_band(told, levels[held[0].offset], held[0].offset, place)
+        found[name] = Supply(name, told.channel, told.low, told.high, held[0].name)
+    return found
+
+
+def _check_band(told: Supply, level: float, parameter: str, place: str) -> None:
+    if math.isnan(told.low) or math.isnan(told.high):
+        raise ConfigurationError(
+            f"{place}: {told.channel} has no band; say between which readings the supply is "
+            f"healthy, as low: {0.9 * level:.4g} and high: {1.1 * level:.4g}"
+        )
+    if not told.low < told.high:
+        raise ConfigurationError(
+            f"{place}: low = {told.low:g} must be less than high = {told.high:g}"
+        )
+    if not told.low <= level <= told.high:
+        raise ConfigurationError(
+            f"{place}: {parameter} = {level:g} is not in its band of {told.low:g} to "
+            f"{told.high:g}; correct one of the two"
+        )

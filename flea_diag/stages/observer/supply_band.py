@@ -1,0 +1,23 @@
+"""A supply within its band is healthy, whatever its level: what holds it against that is 0."""
+
+from __future__ import annotations
+
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import ResidualRows
+
+
+class SupplyBands:
+    """Bands of the supplies of one stand, for scans of which the relations are formed."""
+
+    def __init__(self, known: RelationSet) -> None:
+        self._rows = [
+            (known.signals.index(band.channel), known.residuals.column(band.residual), band)
+            for band in known.residuals.bands
+        ]
+
+    def leave_out(self, residuals: ResidualRows) -> None:
+        """Put 0 where the smoothed reading is within its band."""
+        for signal, column, band in self._rows:
+            reading = residuals.signals[:, signal]
+            inside = (reading >= band.low) & (reading <= band.high)
+            residuals.values[inside, column] = 0.0
