@@ -13,6 +13,7 @@ class SupplyBands:
         self._rows = [
             (known.signals.index(band.channel), known.residuals.column(band.residual), band)
             for band in known.residuals.bands
+            if band.channel in known.signals
         ]
 
     def leave_out(self, residuals: ResidualRows) -> None:

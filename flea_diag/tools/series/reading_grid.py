@@ -27,6 +27,7 @@ from flea_diag.tools.series.series_words import (
     POSITION,
     SPEED,
     TORQUE,
+    VOLTAGE,
     NameWords,
     words_of,
 )
@@ -60,7 +61,11 @@ class ReadingGrid:
 
 
 def reading_grid(
-    recorded: RecordedSeries, rate_hz: float | None = None, joint: str = "", group: str = ""
+    recorded: RecordedSeries,
+    rate_hz: float | None = None,
+    joint: str = "",
+    group: str = "",
+    supplies: bool = False,
 ) -> ReadingGrid:
     """Grid of a recording.
 
@@ -72,6 +77,8 @@ def reading_grid(
         Rate of the rows of a table that has no times, and of the scans.
     joint, group
         Joint and namespace, axis or drive to diagnose; "": one that moves.
+    supplies
+        Whether a voltage that is none of the motor may be that of a supply.
 
     Raises
     ------
@@ -83,6 +90,8 @@ def reading_grid(
     unused = [(name, "no numbers") for name in recorded.silent]
     kept, same = [], _Twins()
     told = {id(each): _worded(each, times) for each in recorded.series}
+    if supplies:
+        told |= {id(each): OF_BATTERY for each in recorded.series if _is_battery(each)}
     turns = _of_quaternions(recorded, told)
     for series in recorded.series:
         reason = _unused(series, told[id(series)], times, joints)
@@ -103,7 +112,7 @@ def reading_grid(
     base = of_bag(kept) if times is None else of_table(kept, times)
     period_s = 1.0 / (rate_hz or _rate(base, words, times))
     sources = tuple(_sources(base, words, period_s))
-    one_way = one_way_voltages(sources, period_s)
+    one_way = () if supplies else one_way_voltages(sources, period_s)
     unused += [(each.name, NO_MOTOR_VOLTAGE) for each in one_way]
     sources = tuple(each for each in sources if each not in one_way)
     sources += tuple(_sums(sources, period_s))
@@ -115,6 +124,15 @@ def reading_grid(
     return ReadingGrid(
         recorded, period_s, times, sources, tuple(unused), joints.chosen, joints.names, notes
     )
+
+
+OF_BATTERY = NameWords(VOLTAGE, frozenset({"supply"}), typed="V")
+
+
+def _is_battery(series: Series) -> bool:
+    """Whether it is the voltage of a battery, whose other numbers are no readings of a machine."""
+    place = series.place
+    return place.get("type", "").endswith("/BatteryState") and place["field"] == "voltage"
 
 
 def _of_quaternions(recorded: RecordedSeries, told: dict[int, NameWords]) -> frozenset[int]:

@@ -86,9 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.stand_folder.folder_files import template_texts
     from flea_diag.tools.stand_folder.proposal import proposal
     from flea_diag.tools.stand_folder.proposal_page import as_mapping, as_text
+    from flea_diag.tools.stand_folder.template import template
 
     recorded = recorded_series(recording)
-    grid = reading_grid(recorded, arguments.rate, arguments.joint, arguments.group)
+    supplies = bool(arguments.template) and template(arguments.template).reads_supply
+    grid = reading_grid(recorded, arguments.rate, arguments.joint, arguments.group, supplies)
     found = proposal(grid, arguments.template, _given(arguments.channel))
     texts = template_texts(found.template, folder, recording.name, found)
     _write(folder, {**texts, "channels.yaml": channel_file(found)})

@@ -22,7 +22,7 @@ from flea_diag.core.calibration.power_balance import (
     rate_of,
     smoothed,
 )
-from flea_diag.core.calibration.sign_check import COMMANDED, UNITS, roles_of
+from flea_diag.core.calibration.sign_check import COMMANDED, SUPPLIED, UNITS, roles_of
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.fields.reader import read_as
@@ -98,6 +98,12 @@ class Template:
         """SI unit of each channel, sensors first."""
         model = self.model
         return {**{name: s.unit for name, s in model.sensors.items() if s.at}, **model.units}
+
+    @property
+    def reads_supply(self) -> bool:
+        """Whether a voltage of it is that of a supply, and none is that of the motor."""
+        volts = [name for name, unit in self.units.items() if unit == "V"]
+        return bool(volts) and all(name.startswith(SUPPLIED) for name in volts)
 
     @property
     def way_per_turn(self) -> float:

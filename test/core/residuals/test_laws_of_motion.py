@@ -132,7 +132,7 @@ def test_the_direction_is_that_of_the_motion_not_of_the_current(drive: Actuator)
 
 
 def test_the_balance_of_an_arm_is_closed_across_a_spring_that_is_left_out() -> None:
-    """tau = J q'' + a cos q + b sin q, with the angle read before the spring."""
+    """T = J q'' + a cos q + b sin q, with the angle read before the spring."""
     made = described(CONFIG / "stands" / "shoulder" / "actuator.yaml")
     relation = parity_relation(made, made.residuals["parity_arm"])
     read = {"load_force": 30.0, "actuator_position": 0.7, "d_d_actuator_position": 2.0}

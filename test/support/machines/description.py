@@ -65,7 +65,32 @@ def random_description(rng: np.random.Generator) -> dict[str, Any]:
         "unread": [name for name in (*draft.sensors, *draft.inputs) if draft.may(0.07)],
     }
     # Drawn last: what was drawn before is the same with and without.
-    return {**made, "modes": _modes(draft, moved)}
+    made["modes"] = _modes(draft, moved)
+    return _supplied(draft, made)
+
+
+def _supplied(draft: Draft, made: dict[str, Any]) -> dict[str, Any]:
+    """The same, or with a supply that a channel reads, with and without what it needs."""
+    if draft.may(0.7):
+        return {**made, "supplies": {}}
+    made["parameters"]["bus_level"] = {"value": 48.0, "unit": "V"}
+    made["junctions"]["link"] = {"type": "0", "domain": "electrical"}
+    level = {"level": "bus_level"}
+    made["elements"]["mains"] = {"type": "Se", "law": "constant_effort", "parameters": level}
+    made["bonds"] = [*made["bonds"], "mains -> link"]
+    made["sensors"]["bus_voltage"] = {"at": "link", "unit": "V", "noise": 0.1}
+    if draft.may(0.8):
+        made["residuals"]["parity_supply"] = {
+            "kind": "difference", "channel": "bus_voltage", "offset": "bus_level", "unit": "V",
+        }  # fmt: skip
+    if draft.may(0.8):
+        made["base_parameters"]["bus_level_v"] = "bus_level"
+    if draft.may(0.5) and "parity_drive" in made["residuals"]:
+        made["residuals"]["parity_drive"]["supplied_by"] = draft.one_of("mains", "mains", "other")
+    good = {"low": 40.0, "high": 56.0}
+    band = draft.one_of(good, good, good, {"low": 40.0}, {"low": 50.0, "high": 56.0}, {})
+    channel = draft.one_of("bus_voltage", "bus_voltage", "bus_voltage", "nothing")
+    return {**made, "supplies": {"mains": {"channel": channel, **band}}}
 
 
 def _modes(draft: Draft, moved: str) -> dict[str, Any]:

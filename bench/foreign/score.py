@@ -1,0 +1,203 @@
+"""Single faults on foreign machines that nobody tuned on: found, wrong, said before, quiet.
+
+    .venv/bin/python bench/foreign/score.py hoist --machine-seed 1 --seed 1 --cases 150 --json FILE
+
+A machine is drawn by its seed, described from a data sheet of its own (`descriptions`), calibrated
+from tables of three units with six motions each by `flea calibrate`, and diagnosed: so many runs
+with one fault, healthy runs of a unit of the calibration, of other units, and with another payload.
+Nothing of the diagnosis is used by the plant. Each run is 40 s, its fault begins at 14 to 18 s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import numpy as np
+from descriptions import write_stand
+from machines import Foreign, drawn, readings
+from plant import Numbers, scaled, simulated, with_weight
+
+SECONDS, UNITS, MOTIONS = 40.0, (1, 2, 3), 6
+MOST_MEMBERS = 3
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a run; ``far`` is one of found, wrong, said, missed, early, quiet, alarm."""
+
+    kind: str
+    size: float
+    far: str
+    outcome: str
+    group: tuple[str, ...]
+    delay_s: float
+
+
+def faulty(name: str, numbers: Numbers, size: float) -> Numbers:
+    """The plant with a fault of this size."""
+    if name == "jam":
+        return scaled(numbers, dry=1.0 + size, sticks=1.0 + size)
+    changes: dict[str, dict[str, float]] = {
+        "gear_friction": {"viscous": 1.0 + 2.0 * size},
+        "magnet_loss": {"constant": 1.0 - 0.2 * size},
+        "winding_resistance_rise": {"resistance": 1.0 + 0.6 * size},
+        "winding_short": {"resistance": 1 - 0.2 * size, "constant": 1 - 0.2 * size,
+                          "inductance": (1 - 0.2 * size) ** 2},
+        "supply_sag": {"share": 1.0 - 0.2 * size},
+    }  # fmt: skip
+    if name == "weak_drive":
+        return numbers._replace(weak=0.2 * size)
+    return scaled(numbers, **changes[name]) if name in changes else numbers
+
+
+def misread(
+    made: Foreign, channel: str, mode: str, size: float, values: Any, age_s: Any, true: Any
+) -> Any:
+    """Readings of a channel with an error of this size; ``age_s`` is negative before it."""
+    full = {
+        "motor_current": made.numbers.limit / 5.0, "motor_voltage": 0.15 * made.numbers.supply,
+        "bus_voltage": 0.15 * made.numbers.supply, "motor_speed": 0.3 * made.fast / made.ratio,
+        "motor_temperature": 8.0, "load_position": 0.05 * made.reach,
+        "actuator_position": 0.05 * made.reach,
+    }[channel]  # fmt: skip
+    on = age_s >= 0.0
+    changed = {
+        "bias": values + size * full,
+        "drift": values + 0.1 * size * full * np.maximum(age_s, 0.0),
+        "scaling": values * (1.0 + 0.25 * size),
+        "dead": np.zeros_like(values),
+    }[mode]
+    return np.where(on, changed, values)
+
+
+def kinds(made: Foreign) -> list[str]:
+    """Faults that are drawn, plant and sensors; a position that leaps or dies among them."""
+    plant = ["jam", "gear_friction", "magnet_loss", "winding_resistance_rise"]
+    channels = ["motor_current", "motor_speed", "actuator_position", "motor_temperature"]
+    if made.arm:
+        channels.append("load_position")
+    else:
+        plant += ["winding_short", "weak_drive", "supply_sag"]
+        channels += ["motor_voltage", "bus_voltage"]
+    modes = ("bias", "drift", "scaling", "dead")
+    return [*plant, *(f"{channel}_{mode}" for channel in channels for mode in modes)]
+
+
+def run_of(
+    made: Foreign, unit: int, rng: np.random.Generator, kind: str, size: float, payload: float
+) -> tuple[dict[str, Any], float]:
+    """Readings of one run, and its onset in s."""
+    numbers = made.unit(unit)
+    if payload:
+        numbers = with_weight(numbers, payload, made.arm)
+    onset_s = float(rng.uniform(14.0, 18.0))
+    broken = faulty(kind, numbers, abs(size)) if kind else numbers
+    signals = simulated(numbers, made.course(rng, SECONDS), onset_s, broken)
+    found = readings(made, signals, rng)
+    channel, _, mode = kind.rpartition("_")
+    if channel in made.channels and mode in ("bias", "drift", "scaling", "dead"):
+        age = np.arange(len(found[channel])) * 0.01 - onset_s
+        found[channel] = misread(made, channel, mode, size, found[channel], age, None)
+    return found, onset_s
+
+
+def calibrated(made: Foreign, folder: Path) -> None:
+    """Write the stand and tables of healthy runs, and calibrate by the command."""
+    from flea_diag.tools.main import main
+
+    write_stand(made, folder)
+    tables = []
+    for unit in UNITS:
+        for motion in range(MOTIONS):
+            rng = np.random.default_rng((3, unit, motion))
+            found, _ = run_of(made, unit, rng, "", 0.0, 0.0)
+            path = folder / "tables" / f"unit{unit}_run{motion}.csv"
+            path.parent.mkdir(exist_ok=True)
+            times = np.arange(len(found["motor_current"])) * 0.01
+            rows = np.column_stack([times, *found.values()])
+            head = ",".join(("time_s", *found))
+            np.savetxt(path, rows, "%.9g", delimiter=",", header=head, comments="")
+            tables.append(str(path))
+    given = ["--stand", str(folder), "-o", str(folder / "calibration.yaml"), "--force"]
+    if main(["calibrate", *tables, *given, "--jobs", "1"]) == 2:
+        raise SystemExit("calibration refused")
+
+
+def diagnosed(made: Foreign, folder: Path, found: dict[str, Any], kind: str, onset_s: float,
+              size: float) -> Outcome:  # fmt: skip
+    """Diagnose a run, and say what became of it."""
+    import flea_diag as fd
+
+    told = fd.diagnose(found, fd.Stand.load(folder), rate_hz=100.0, residuals=False)
+    group = tuple(sorted(fault.fault for fault in told.group))
+    told_at = told.episodes[-1].detected_at_s if told.episodes else float("nan")
+    alarmed = told.outcome not in ("NOMINAL", "NOT_OBSERVABLE") or bool(told.episodes)
+    truth = kind if kind in kinds(made) else ""
+    if not truth:
+        far = "alarm" if alarmed else "quiet"
+    elif any(each.detected_at_s < onset_s for each in told.episodes):
+        far = "early"
+    elif truth in group and len(group) <= MOST_MEMBERS:
+        far = "found"
+    elif told.outcome == "ISOLATED":
+        far = "wrong"
+    elif not alarmed:
+        far = "said" if truth in told.not_observable else "missed"
+    else:
+        far = "large" if truth in group else "other"
+    return Outcome(kind, size, far, told.outcome, group, told_at - onset_s)
+
+
+def scored(made: Foreign, folder: Path, seed: int, cases: int, healthy: int) -> Iterator[Outcome]:
+    """All runs, in order."""
+    every = kinds(made)
+    for number in range(cases):
+        rng = np.random.default_rng((5, seed, number))
+        kind = every[number % len(every)]
+        size = float(rng.uniform(0.5, 1.3) * rng.choice([-1.0, 1.0]))
+        unit = UNITS[0] if number % 2 else 1000 + number
+        found, onset_s = run_of(made, unit, rng, kind, size, 0.0)
+        yield diagnosed(made, folder, found, kind, onset_s, size)
+    plan = (("healthy", 1, 0.0), ("other unit", 2, 0.0), ("payload", 1, made.payload))
+    for kind, which, payload in plan:
+        for number in range(healthy):
+            rng = np.random.default_rng((6, seed, which, number, bool(payload)))
+            unit = UNITS[0] if which == 1 else 2000 + number
+            found, onset_s = run_of(made, unit, rng, "", 0.0, payload)
+            yield diagnosed(made, folder, found, kind, onset_s, 0.0)
+
+
+def main() -> None:
+    """Score one machine."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("family", choices=("hoist", "arm"))
+    parser.add_argument("--machine-seed", type=int, required=True)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--cases", type=int, default=150)
+    parser.add_argument("--healthy", type=int, default=50)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--folder", type=Path, help="where its stand is kept")
+    given = parser.parse_args()
+    folder = given.folder or Path(tempfile.mkdtemp(prefix="foreign_"))
+    made = drawn(given.family, given.machine_seed)
+    calibrated(made, folder)
+    rows = []
+    for row in scored(made, folder, given.seed, given.cases, given.healthy):
+        rows.append(asdict(row))
+        print(f"{row.kind:28} {row.size:6.2f} {row.far:7} {row.outcome:18} "
+              f"{row.delay_s:6.2f} {', '.join(row.group)}", flush=True)  # fmt: skip
+        if given.json:
+            given.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
