@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -180,8 +181,13 @@ def description(made: Foreign) -> dict[str, Any]:
                              "parameters": {"gain": "drive_gain"}}  # fmt: skip
         junctions["link"] = ("0", "electrical")
         bonds.append("mains -> link")
-        base |= {"weight_n": "weight", "bus_level_v": "bus_level", "drive_gain": "drive_gain",
-                 "drive_offset_v": "drive_offset", "voltage_offset_v": "voltage_offset"}  # fmt: skip
+        base |= {
+            "weight_n": "weight",
+            "bus_level_v": "bus_level",
+            "drive_gain": "drive_gain",
+            "drive_offset_v": "drive_offset",
+            "voltage_offset_v": "voltage_offset",
+        }
         sensors["motor_voltage"] = {"at": "terminals", "unit": "V", "offset": "voltage_offset"}
         sensors["bus_voltage"] = {"at": "link", "unit": "V"}
         residuals["parity_electrical"] = {"kind": "junction", "junction": "armature", "unit": "V"}
@@ -234,8 +240,6 @@ def description(made: Foreign) -> dict[str, Any]:
 
 def _turned(level: float) -> tuple[float, float]:
     """cos(q - level) as shares of cos(q) and sin(q)."""
-    import math
-
     return math.cos(level), math.sin(level)
 
 

@@ -21,6 +21,8 @@ SPREAD = {
     "mass": 0.03, "bristles": 0.1, "housing_capacity": 0.05, "between": 0.1,
 }  # fmt: skip
 """By how much units of one design differ, relative, one standard deviation."""
+SHEET = ("resistance", "constant", "mass", "weight", "dry", "viscous", "capacity")
+"""What a data sheet says of it, each off by 5 %."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,10 @@ class Foreign:
 def drawn(name: str, seed: int) -> Foreign:
     """A hoist or an arm whose numbers nobody has chosen."""
     rng = np.random.default_rng((11 if name == "hoist" else 12, seed))
-    between = lambda low, high: float(np.exp(rng.uniform(math.log(low), math.log(high))))  # noqa: E731
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
     slides = name == "hoist"
     supply = float(rng.choice([24.0, 36.0, 48.0, 72.0]))
     fast = between(0.08, 0.3) if slides else between(0.8, 2.0)
@@ -137,11 +142,10 @@ def drawn(name: str, seed: int) -> Foreign:
         noise |= {"load_position": 2e-5 * full["place"]}
     noise |= {"motor_temperature": 0.12}
     grain = {n: (0.1 if n == "motor_temperature" else 0.5 * s) for n, s in noise.items()}
-    sheet = {n: float(np.exp(0.05 * rng.standard_normal())) for n in
-             ("resistance", "constant", "mass", "weight", "dry", "viscous", "capacity")}  # fmt: skip
+    sheet = {n: float(np.exp(0.05 * rng.standard_normal())) for n in SHEET}
     payload = 0.25 * load if slides else 0.1 * load / 0.5**2
-    return Foreign(name, numbers, ratio, reach, fast, 0.0 if slides else 0.5, payload, noise, grain,
-                   sheet)  # fmt: skip
+    arm = 0.0 if slides else 0.5
+    return Foreign(name, numbers, ratio, reach, fast, arm, payload, noise, grain, sheet)
 
 
 def readings(made: Foreign, signals: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
