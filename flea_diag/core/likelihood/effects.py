@@ -84,6 +84,19 @@ class EffectRules:
         """The same of an error that grows by one a second, through the rate of the reading."""
         return self._constant(rate_symbol(channel))
 
+    def products(self, channel: str) -> Effects:
+        """Of a constant error of a reading that multiplies another signal in a difference.
+
+        Such is a supply that scales what a bridge makes of its command.
+        """
+        return tuple(
+            effect
+            for row in self._set.relations
+            if row.kind == "difference" and channel in row.signals and channel not in row.pair
+            for effect in self._effects(row, derivative(row.expression, channel), 0)
+            if effect.basis != ONE
+        )
+
     def of_power(self, channel: str, rate: Expression, index: int = 0) -> Effects:
         """Of an error of the rate of a reading in the balances of power, which multiply by it."""
         symbol = rate_symbol(channel)

@@ -60,10 +60,18 @@ class ReadingError:
     shares: tuple[float, float]
     rules: EffectRules | None = None
     """Those of the balances that multiply by the rate of the reading; None: none does."""
+    products: Effects = ()
+    """Of a constant error where the reading multiplies another signal."""
 
     def level(self, signal: Signal, index: int = 0) -> Effects:
         """The error is a constant, or follows a signal."""
-        return _times(self.gains, signal, index)
+        multiplied = tuple(
+            FaultEffect(each.residual, each.basis * basis, each.gain * factor, index)
+            for each in self.products
+            for basis, factor in signal
+            if basis != ELAPSED and factor != ZERO
+        )
+        return _times(self.gains, signal, index) + multiplied
 
     def rate(self, signal: Signal) -> Effects:
         """The same of the rate of the error."""
@@ -108,6 +116,7 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         ((Variable(rate_symbol(channel)), ONE),),
         shares,
         rules if channel in relations.displacements else None,
+        rules.products(channel),
     )
 
 
@@ -160,7 +169,9 @@ def _drift(error: ReadingError) -> tuple[SymbolicModel, ...]:
 
 
 def _aged(error: ReadingError, age_s: float) -> Effects:
-    return tuple(FaultEffect(name, ONE, gain * age_s) for name, gain in error.gains)
+    grown = tuple(FaultEffect(name, ONE, gain * age_s) for name, gain in error.gains)
+    # What it grows by after its detection is left out where it multiplies a signal.
+    return grown + tuple(FaultEffect(e.residual, e.basis, e.gain * age_s) for e in error.products)
 
 
 def _dead(error: ReadingError) -> tuple[SymbolicModel, ...]:

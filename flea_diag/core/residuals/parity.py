@@ -163,7 +163,8 @@ def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
     one, other = _common_terms(actuator, spec.channel, spec.reference)
     if spec.supplied_by:
         supply = actuator.supplies[spec.supplied_by]
-        level = Variable(actuator.residuals[supply.residual].offset)
+        # A scale, not the parameter: a supply that sags is read, and leaves this relation alone.
+        level = actuator.graph.parameters[actuator.residuals[supply.residual].offset].value
         other = other * Variable(supply.channel) / level
     gap = one - (Variable(spec.gain) * other if spec.gain else other)
     if spec.across:

@@ -38,7 +38,7 @@ class TextbookColumns:
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
         """Signature of one alternative in one residual."""
-        if spec.balances:
+        if spec.balances or spec.supplied_by:
             return parity_cell(self._relation(spec), fault, group, self.values, self.rates)
         if spec.predicts:
             return self._measurement(spec.channel, spec.model, fault, group)

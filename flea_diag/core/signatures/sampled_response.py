@@ -95,7 +95,7 @@ class SampledColumns:
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
         """Signature of one alternative in one residual."""
-        if spec.balances or spec.across:
+        if spec.balances or spec.across or spec.supplied_by:
             relation = self._relation(spec)
             return parity_cell(relation, fault, group, self.values, self.rates)
         senses = {spec.channel: 1}

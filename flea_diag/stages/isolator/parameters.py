@@ -141,4 +141,6 @@ class Knowledge:
             for limit in self.calibration.sensors
             if limit.channel in resolutions and not limit.shows_death(resolutions[limit.channel])
         )
-        return replace(residuals.symptoms, death_unseen=unseen)
+        # The voltage of a supply is not tested by itself: it may stand still.
+        supplies = (band.channel for band in residuals.bands if band.channel not in resolutions)
+        return replace(residuals.symptoms, death_unseen=(*unseen, *supplies))
