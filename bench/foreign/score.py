@@ -1,6 +1,6 @@
 """Single faults on foreign machines that nobody tuned on: found, wrong, said before, quiet.
 
-    .venv/bin/python bench/foreign/score.py hoist --machine-seed 31 --seed 9301 --json FILE
+    .venv/bin/python bench/foreign/score.py hoist --json FILE     or arm; some minutes
 
 A machine is drawn by its seed, described from a data sheet of its own (`descriptions`), calibrated
 from tables of three units with six motions each by `flea calibrate`, and diagnosed: so many runs
@@ -19,12 +19,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 import numpy as np
 from descriptions import write_stand
 from machines import Foreign, drawn, readings
 from plant import Numbers, scaled, simulated, with_weight
+from summary import Figure, share, write_summary
 
 SCORED = {"hoist": (31, 9301), "arm": (32, 9302)}
 """Seeds of machine and runs that are scored once; written down before any of it was diagnosed."""
@@ -178,27 +179,65 @@ def scored(made: Foreign, folder: Path, seed: int, cases: int, healthy: int) -> 
             yield diagnosed(made, folder, found, kind, onset_s, 0.0)
 
 
+FARS = {
+    "found": "found: detected after its onset, in a group of at most 3",
+    "wrong": "wrong: another fault ISOLATED",
+    "large": "in a larger group",
+    "other": "UNEXPLAINED, or in a group without it",
+    "early": "an alarm before the onset",
+    "missed": "no alarm, and not said before",
+    "said": "no alarm, and not_observable says so",
+}
+QUIET = {
+    "healthy": "healthy, a unit of the calibration: quiet",
+    "other unit": "healthy, another unit: quiet",
+    "payload": "healthy, another payload: quiet",
+}
+
+
+def figures(family: str, rows: list[Outcome], seed: str) -> Iterator[Figure]:
+    """Shares of all faults and of each kind, and of healthy runs."""
+    faults = [row for row in rows if row.kind not in QUIET]
+    for far, words in FARS.items():
+        count = sum(row.far == far for row in faults)
+        yield share(f"{family}: {words}", count, len(faults), seed=seed)
+    for kind, words in QUIET.items():
+        ours = [row for row in rows if row.kind == kind]
+        yield share(f"{family}: {words}", sum(r.far == "quiet" for r in ours), len(ours), seed=seed)
+    for kind in dict.fromkeys(row.kind for row in faults):
+        ours = [row for row in faults if row.kind == kind]
+        found = sum(row.far == "found" for row in ours)
+        yield share(f"{family}: {kind} found", found, len(ours), seed=seed)
+
+
 def main() -> None:
     """Score one machine."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("family", choices=("hoist", "arm"))
-    parser.add_argument("--machine-seed", type=int, required=True)
-    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--machine-seed", type=int, help="default: the one that is scored")
+    parser.add_argument("--seed", type=int, help="of the runs; default: the one that is scored")
     parser.add_argument("--cases", type=int, default=150)
     parser.add_argument("--healthy", type=int, default=50)
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--rows", type=Path, help="write each run to this file")
     parser.add_argument("--folder", type=Path, help="where its stand is kept")
     given = parser.parse_args()
     folder = given.folder or Path(tempfile.mkdtemp(prefix="foreign_"))
-    made = drawn(given.family, given.machine_seed)
+    seeds = SCORED[given.family]
+    machine, seed = (g if g is not None else s for g, s in
+                     zip((given.machine_seed, given.seed), seeds, strict=True))  # fmt: skip
+    made = drawn(given.family, machine)
     calibrated(made, folder)
-    rows = []
-    for row in scored(made, folder, given.seed, given.cases, given.healthy):
-        rows.append(asdict(row))
+    rows: list[Outcome] = []
+    for row in scored(made, folder, seed, given.cases, given.healthy):
+        rows.append(row)
         print(f"{row.kind:28} {row.size:6.2f} {row.far:7} {row.outcome:18} "
               f"{row.delay_s:6.2f} {', '.join(row.group)}", flush=True)  # fmt: skip
-        if given.json:
-            given.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+        if given.rows:
+            text = json.dumps([asdict(each) for each in rows], indent=1)
+            given.rows.write_text(text, encoding="utf-8")
+    found = figures(given.family, rows, f"machine {machine}, runs {seed}")
+    write_summary("bench/foreign/score.py", found, given.json)
 
 
 if __name__ == "__main__":
