@@ -33,9 +33,7 @@ def channels_of(stand: Stand) -> dict[str, str]:
     from flea_diag.core.residuals.channel_units import UNITS
 
     model = described(stand.actuator)
-    own = model.units
-    every = {**UNITS, **OTHERS}
-    return {**every, **{name: every.get(name, unit) for name, unit in own.items()}}
+    return {**UNITS, **OTHERS, **model.units}
 
 
 def mapping_of(stand: Stand) -> SourceMapping | None:

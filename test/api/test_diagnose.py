@@ -12,6 +12,7 @@ import pytest
 from support.decisions import BAGS, expected
 
 import flea_diag as fd
+from flea_diag.api.stand_facts import channels_of
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.replay.replay import replay
@@ -165,6 +166,11 @@ def test_units_and_stands_are_checked(run: fd.Recording) -> None:
     stream.push(1.0, {"motor_current": 1.0})
     with pytest.raises(fd.FleaError, match=r"time_s = 1\.0: must be later"):
         stream.push(1.0, {"motor_current": 1.0})
+
+
+def test_a_channel_is_in_the_unit_of_its_description() -> None:
+    assert channels_of(load_stand("joint"))["actuator_position"] == "rad"
+    assert channels_of(load_stand("flea"))["actuator_position"] == "m"
 
 
 @pytest.mark.parametrize(
