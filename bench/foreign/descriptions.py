@@ -67,6 +67,7 @@ def channels(made: Foreign) -> dict[str, Any]:
     }  # fmt: skip
 
 
+# long: one description, read top to bottom as such a file is
 def description(made: Foreign) -> dict[str, Any]:
     """Bond graph, parameters, sensors and residuals."""
     turns = bool(made.arm)

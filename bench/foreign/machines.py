@@ -74,6 +74,7 @@ class Foreign:
         return steps(amplitude, 0.55 * rate, centre, seconds, rise)
 
 
+# long: one table of numbers, drawn from top to bottom
 def drawn(name: str, seed: int) -> Foreign:
     """A hoist or an arm whose numbers nobody has chosen."""
     rng = np.random.default_rng((11 if name == "hoist" else 12, seed))

@@ -79,11 +79,17 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         top.smoothing_s,
         free_per_run(top.free_per_run, top.base_parameters, f"{where}: free_per_run"),
         modes(top.modes, graph, inputs | units, top.residuals, where),
-        supplies(top.supplies, sensors, residuals, graph.values(), where),
+        supplies(top.supplies, sensors, _held(residuals), graph.values(), where),
     )
     if sound:
         _check(result, where)
     return result
+
+
+def _held(residuals: Mapping[str, ResidualSpec]) -> dict[str, tuple[str, str]]:
+    """Channel -> residual that holds it against a parameter alone, and that parameter."""
+    alone = (spec for spec in residuals.values() if len(spec.pair) == 1)
+    return {spec.channel: (spec.name, spec.offset) for spec in alone}
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
-
-if TYPE_CHECKING:
-    from flea_diag.core.bond_graph.actuator_model import ResidualSpec, Sensor
 
 
 @dataclass(frozen=True)
@@ -30,12 +27,15 @@ class Supply:
 
 def supplies(
     rows: Mapping[str, Any],
-    sensors: Mapping[str, Sensor],
-    residuals: Mapping[str, ResidualSpec],
-    levels: Mapping[str, float],
+    sensors: Collection[str],
+    held: Mapping[str, tuple[str, str]],
+    values: Mapping[str, float],
     where: str,
 ) -> dict[str, Supply]:
-    """Name -> supply, in the order of the description; ``levels`` are values of parameters.
+    """Name -> supply, in the order of the description.
+
+    ``held``: channel -> residual that holds it against a parameter alone, and that parameter, of
+    which ``values`` are the values.
 
     Raises
     ------
@@ -50,14 +50,19 @@ def supplies(
             raise ConfigurationError(
                 f"{place}: {shown(told.channel)} is no sensor, known are {', '.join(sensors)}"
             )
-        held = [s for s in residuals.values() if s.pair == (told.channel,)]
-        if not held:
+        if told.channel not in held:
             raise ConfigurationError(
                 f"{place}: no residual holds {told.channel} against its level; add one of kind "
                 "difference with this channel, and the parameter of its level as the offset"
             )
-        _check_band(told, levels[held[0].offset], held[0].offset, place)
-        found[name] = Supply(name, told.channel, told.low, told.high, held[0].name)
+        residual, level = held[told.channel]
+        if level not in values:
+            raise ConfigurationError(
+                f"{place}: residual {shown(residual)} has offset {shown(level)}, which is no "
+                "parameter; name that of the level"
+            )
+        _check_band(told, values[level], level, place)
+        found[name] = Supply(name, told.channel, told.low, told.high, residual)
     return found
 
 

@@ -78,7 +78,7 @@ def reading_grid(
     joint, group
         Joint and namespace, axis or drive to diagnose; "": one that moves.
     supplies
-        Whether a voltage that is none of the motor may be that of a supply.
+        Whether a voltage that is none of the motor may be a supply's.
 
     Raises
     ------
@@ -90,8 +90,7 @@ def reading_grid(
     unused = [(name, "no numbers") for name in recorded.silent]
     kept, same = [], _Twins()
     told = {id(each): _worded(each, times) for each in recorded.series}
-    if supplies:
-        told |= {id(each): OF_BATTERY for each in recorded.series if _is_battery(each)}
+    told |= {id(s): OF_BATTERY for s in recorded.series if supplies and _is_battery(s)}
     turns = _of_quaternions(recorded, told)
     for series in recorded.series:
         reason = _unused(series, told[id(series)], times, joints)
@@ -116,11 +115,8 @@ def reading_grid(
     unused += [(each.name, NO_MOTOR_VOLTAGE) for each in one_way]
     sources = tuple(each for each in sources if each not in one_way)
     sources += tuple(_sums(sources, period_s))
-    notes = (
-        *recorded.notes,
-        *(times.order.notes if times else ()),
-        *(f"{each.name} is not used: {NO_MOTOR_VOLTAGE}" for each in one_way),
-    )
+    notes = (*recorded.notes, *(times.order.notes if times else ()))
+    notes += tuple(f"{each.name} is not used: {NO_MOTOR_VOLTAGE}" for each in one_way)
     return ReadingGrid(
         recorded, period_s, times, sources, tuple(unused), joints.chosen, joints.names, notes
     )

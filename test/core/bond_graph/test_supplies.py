@@ -33,6 +33,10 @@ def changed(change: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
         (lambda c: c["supplies"]["link"].update(channel="amps"), "'amps' is no sensor"),
         (lambda c: c["residuals"].pop("parity_supply"), "no residual holds bus_voltage against"),
         (
+            lambda c: c["residuals"]["parity_supply"].update(offset="volts"),
+            "residual 'parity_supply' has offset 'volts', which is no parameter",
+        ),
+        (
             lambda c: c["residuals"]["parity_speed"].update(supplied_by="mains"),
             "supplied_by 'mains' is no supply, known are link",
         ),
