@@ -11,9 +11,9 @@ import pytest
 import yaml
 from support.places import ROOT
 
-from flea_diag.configuration.acceptance import require_accepted
+from flea_diag.configuration.acceptance import require_accepted, require_usable
 from flea_diag.configuration.stand import Stand, load_stand
-from flea_diag.errors import FleaError
+from flea_diag.errors import FleaError, ModelError
 
 JOINT = ROOT / "config" / "stands" / "joint"
 
@@ -62,3 +62,13 @@ def test_what_a_later_step_would_refuse_is_refused_at_once(
 def test_a_shipped_stand_is_taken() -> None:
     for name in ("flea", "joint", "cranfield"):
         require_accepted(load_stand(name))
+
+
+def test_an_operating_point_that_cannot_be_held_is_named(tmp_path: Path) -> None:
+    content = yaml.safe_load((JOINT.parent / "axis" / "actuator.yaml").read_text("utf-8"))
+    content["operating_point"] = {"hold": {"motor_temperature": 80.0}, "by": ["speed"], "fixed": {}}
+    path = tmp_path / "actuator.yaml"
+    path.write_text(yaml.safe_dump(content), "utf-8")
+    said = "operating_point holds motor_temperature = 80 by speed: that cannot be held"
+    with pytest.raises(ModelError, match=said):
+        require_usable(path)

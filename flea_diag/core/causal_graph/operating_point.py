@@ -66,9 +66,11 @@ def operating_values(
     steady_x = [k for k in free_x if model.states[k] not in point.by]
     free_u = [k for k, name in enumerate(model.inputs) if name in point.by]
     held = [model.outputs.index(name) for name in point.hold]
+    asked = ", ".join(f"{name} = {value:g}" for name, value in point.hold.items())
+    where = f"{actuator.name}: operating_point holds {asked} by {', '.join(point.by)}"
     for _ in range(50):
         free, equal = (free_x, free_u), (steady_x, held)
-        step = _newton_step(model, x, u, free, equal, np.array(targets), actuator.name)
+        step = _newton_step(model, x, u, free, equal, np.array(targets), where)
         x[free_x] += step[: len(free_x)]
         u[free_u] += step[len(free_x) :]
         if np.max(np.abs(step)) <= 1e-12 * (1.0 + np.max(np.abs(x))):
@@ -105,14 +107,17 @@ def _newton_step(
     low = np.hstack([linear.c[np.ix_(held, free_x)], linear.d[np.ix_(held, free_u)]])
     matrix = np.vstack([top, low])
     if matrix.shape[0] != matrix.shape[1]:
-        raise ModelError(f"{where}: operating_point needs one input for each value that it holds")
+        raise ModelError(
+            f"{where}: it needs one input for each value that it holds, and every state that is no"
+            " input of it steady, or under 'fixed'"
+        )
     scale = np.maximum(np.max(np.abs(matrix), axis=1), 1e-300)
     try:
         step: np.ndarray = np.linalg.solve(matrix / scale[:, None], error / scale)
     except np.linalg.LinAlgError as cause:
         raise ModelError(
-            f"{where}: operating_point cannot be held by those inputs, or a state has no steady"
-            " value; put integrating states under 'fixed'"
+            f"{where}: that cannot be held by those inputs, or a state has no steady value; name"
+            " inputs that move it, and put integrating states under 'fixed'"
         ) from cause
     return step
 
