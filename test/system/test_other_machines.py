@@ -21,7 +21,6 @@ from flea_sim_driver.stand import SimulatedStand
         ("joint", "gear_friction", "jam"),
         ("axis", "gear_friction", "jam"),
         ("shoulder", "gear_friction", "jam"),
-        ("gimbal", "bearing_friction", "jam"),
     ],
 )
 def test_a_fault_of_another_machine_is_found_by_its_description(
