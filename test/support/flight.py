@@ -28,7 +28,7 @@ from flea_diag.wire.records import (
     Scan,
     VibrationBlock,
 )
-from support.live import Peer
+from support.live import LIMIT_S, Peer
 
 SOURCES = (ChannelTable, VibrationBlock, Scan)
 IN_FLIGHT = 50
@@ -80,7 +80,7 @@ class Flight:
         }
         self._bus.subscribe(Residual, self._note)
         peer.until(lambda: all(self._bus.subscribers(k) >= n for k, n in wanted.items()))
-        assert self._bus.wait_for_subscribers(*SOURCES)
+        assert self._bus.wait_for_subscribers(*SOURCES, timeout_s=LIMIT_S)
 
     def introduce(self, scan: Scan) -> None:
         """Send this scan, later than any flight, until the last stage says what it sees.

@@ -151,6 +151,11 @@ class Peer:
         topics = [TOPIC_OF[record_type].name for record_type in record_types]
         self.until(lambda: all(map(self.node.count_publishers, topics)))
 
+    def heard(self, *record_types: type, count: int = 1) -> bool:
+        """Wait until each topic has so many subscribers; false if it has not within the limit."""
+        wait = self.bus.wait_for_subscribers
+        return bool(wait(*record_types, count=count, timeout_s=LIMIT_S))
+
     def find(self, predicate: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
         """First record, also of those to come, for which ``predicate`` holds."""
         self.until(lambda: any(map(predicate, self.records)), limit_s)

@@ -20,7 +20,7 @@ def scan(number: int) -> Scan:
 
 
 def publish(peer: Peer, count: int) -> None:
-    assert peer.bus.wait_for_subscribers(Scan, ChannelTable, VibrationBlock)
+    assert peer.heard(Scan, ChannelTable, VibrationBlock)
     peer.bus.publish(TABLE)
     for number in range(count):
         peer.bus.publish(scan(number))

@@ -36,7 +36,7 @@ def relayed(name: str, seed: int, domain: int) -> lossy.Passed:
         relay.bus.advertise(ChannelTable, VibrationBlock, Scan)
         relay.listen(AmbiguityGroup, DataQuality, Detection, Residual)
         for kind in (ChannelTable, VibrationBlock, Scan):
-            assert relay.bus.wait_for_subscribers(kind)
+            assert relay.heard(kind)
         _pass_on(relay, spoilt.records)
         # The counters of the end are said once nothing has come for a while.
         sent = len(lossy.scans(spoilt.records))

@@ -153,7 +153,7 @@ def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
     entry = desk.faults = Entry()
 
     async def act(pilot: Any) -> None:
-        assert "Inject" in words(pilot)
+        await shown(pilot, "Inject")
         await pilot.press("i", *"jam:0.5", "enter")
         await shown(pilot, "Not injected: node daq is not running")
         await pilot.press("i", *"clear", "enter")
@@ -266,7 +266,7 @@ def test_what_people_say_is_in_the_bag_and_on_the_other_screens(
     ):
         for peer, desk in zip((one, two), desks, strict=True):
             connect(peer.bus, desk)
-        assert one.bus.wait_for_subscribers(Remark, count=3)
+        assert one.heard(Remark, count=3)
         publish(one, FIRST)
         both(one, two, lambda: all(desk.state.alarms for desk in desks))
         desks[0].mark("load changed", START + 5)

@@ -38,7 +38,7 @@ def test_the_screen_lists_stands_and_opens_one(domain: int, tmp_path: Path) -> N
 
     with Peer(domain, name="screen") as screen, Peer(domain, "bay_2", "source") as source:
         hall = Hall(screen.bus, ("bay_1", "bay_2"), str(tmp_path / "alarms.sqlite"), "Ada")
-        assert source.bus.wait_for_subscribers(AmbiguityGroup)
+        assert source.heard(AmbiguityGroup)
         source.bus.publish(LAST)
         screen.until(lambda: hall.desks["bay_2"].state.group is not None)
 

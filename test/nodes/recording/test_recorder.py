@@ -53,7 +53,7 @@ def test_a_latched_record_of_any_age_is_no_lag(domain: int, tmp_path: Path) -> N
     hour_ns = 3600 * 10**9
     with Process(recorder(tmp_path / "run"), domain) as process, Peer(domain) as peer:
         peer.listen(Health)
-        assert peer.bus.wait_for_subscribers(Scan)
+        assert peer.heard(Scan)
         peer.bus.publish(Truth(time.time_ns() - hour_ns, "nominal", -1))
         peer.bus.publish(Scan(time.time_ns(), ("motor_current",), (0.0,)))
         until_written(peer, 2)
@@ -131,7 +131,7 @@ def test_a_namespace_is_in_the_bags_topic_names(domain: int, tmp_path: Path) -> 
         Peer(domain) as outside,
     ):
         inside.listen(Health)
-        assert inside.bus.wait_for_subscribers(Scan)
+        assert inside.heard(Scan)
         outside.bus.publish(scan(1))
         inside.bus.publish(scan(2))
         until_written(inside, 1)

@@ -97,7 +97,7 @@ def watched(request: pytest.FixtureRequest, domain: int) -> Iterator[tuple[str, 
     given = ("-r", "__node:=diagnoser", "-p", f"source:={request.param}")
     with Process(toy(*given), domain), Peer(domain) as peer:
         peer.listen(Health)
-        assert peer.bus.wait_for_subscribers(Scan)
+        assert peer.heard(Scan)
         rows = (ChannelInfo("motor_current", "A", -40.0, 40.0, 100.0, serial="EMA-7"),)
         peer.bus.publish(ChannelTable(1_700_000_000 * 10**9, "toy", rows))
         yield request.param, Watched(peer)

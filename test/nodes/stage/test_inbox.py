@@ -61,7 +61,7 @@ def test_batches_decide_what_single_scans_decide(domain: int) -> None:
         turns = Turns(node.bus, batch_ms=20)
         memory = VerdictMemory(node.bus, NONE)
         Adapter(node.bus, lambda _: batched, None, PORTS, memory, turns)
-        assert source.bus.wait_for_subscribers(ChannelTable, Scan)
+        assert source.heard(ChannelTable, Scan)
         sent = 0
         for record in records:
             source.bus.publish(record)

@@ -12,7 +12,7 @@ from support.models import linear_ema as ema
 from support.places import FLEA_STAND
 
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.isolation.detectability import shows_from, unseen_by_limits
 from flea_diag.core.run_law.run_law import VisibleSize
@@ -56,6 +56,12 @@ def dragged(n: int) -> NominalRecording:
     return recording(f"dragged{n}", ema.noisy(columns, 70 + n))
 
 
+@cache
+def of_four() -> Calibration:
+    """Of four of the healthy runs, without a catalogue."""
+    return learn(list(healthy()[:4]), STAND.actuator, 0.1).calibration
+
+
 @pytest.fixture(scope="module")
 def found():
     runs = [*healthy(), dragged(0), dragged(2)]
@@ -79,11 +85,10 @@ def test_what_is_left_is_the_law_of_the_others_and_stands_in_the_file(found):
 
 
 def test_a_calibration_without_a_catalogue_holds_no_law_and_the_same_limits():
-    runs = list(healthy()[:4])
-    plain = learn(runs, STAND.actuator, 0.1).calibration
+    plain = of_four()
     assert plain.law is None
     assert "law" not in plain.to_mapping()
-    with_law = learn(runs, STAND.actuator, 0.1, faults=STAND.faults).calibration
+    with_law = learn(list(healthy()[:4]), STAND.actuator, 0.1, faults=STAND.faults).calibration
     assert replace(with_law, law=None) == plain
 
 
@@ -120,12 +125,11 @@ def test_a_size_beyond_the_catalogue_is_said_to_be_beyond():
 
 def law_of_parts(change) -> LawOfRecordings:
     """Of three recordings with their readings changed, by a calibration of healthy ones."""
-    calibration = learn(list(healthy()[:4]), STAND.actuator, 0.1).calibration
     runs = [
         replace(row, run=replace(row.run, rows=change(row.run.rows.copy())))
         for row in healthy()[:3]
     ]
-    return LawOfRecordings.of(calibration, STAND.actuator, STAND.faults, runs, ALONE)
+    return LawOfRecordings.of(of_four(), STAND.actuator, STAND.faults, runs, ALONE)
 
 
 def test_recordings_of_half_a_second_make_no_law_and_say_so():

@@ -27,7 +27,7 @@ def test_changes_of_a_latched_record_that_come_in_a_burst_all_arrive(domain: int
     with Peer(domain, name="writer") as writer, Peer(domain, name="reader") as reader:
         writer.bus.advertise(AmbiguityGroup)
         reader.listen(AmbiguityGroup)
-        assert writer.bus.wait_for_subscribers(AmbiguityGroup)
+        assert writer.heard(AmbiguityGroup)
         for seq in range(20):
             writer.bus.publish(group(seq))
         reader.until(lambda: len(reader.records) >= 20)

@@ -62,7 +62,7 @@ def managed(domain: int) -> Iterator[Managed]:
 def configured(managed: Managed) -> None:
     assert managed.peer.change_state("toy", "configure")
     peer = managed.peer
-    assert peer.bus.wait_for_subscribers(Scan)
+    assert peer.heard(Scan)
     peer.until(lambda: all(map(peer.node.count_publishers, ("residual", "ambiguity_group"))))
 
 
@@ -184,7 +184,7 @@ def test_latched_inputs_survive_configure_cleanup_and_deactivation(domain: int) 
         say_units()
         for _ in range(2):
             assert peer.change_state("diagnoser", "configure")
-            assert peer.bus.wait_for_subscribers(Scan, ChannelTable)
+            assert peer.heard(Scan, ChannelTable)
             assert peer.acknowledged(ChannelTable)
             assert peer.change_state("diagnoser", "activate")
             peer.until(lambda: verdict_holds("motor_current"), LIMIT_S)
@@ -204,7 +204,7 @@ def test_the_bag_of_a_recorder_that_is_activated_later_has_what_was_latched(
     with Process(command, domain) as process, Peer(domain) as peer:
         peer.bus.publish(ChannelTable(1, "stand", ()))
         assert peer.change_state("recorder", "configure")
-        assert peer.bus.wait_for_subscribers(ChannelTable)
+        assert peer.heard(ChannelTable)
         assert peer.acknowledged(ChannelTable)
         assert peer.change_state("recorder", "activate")
         assert process.signal(signal.SIGTERM) == 0

@@ -47,7 +47,7 @@ def test_what_was_sent_is_received_or_counted_as_lost(domain: int, kind: str) ->
     with Peer(domain, name="writer") as writer, Peer(domain, name="reader") as reader:
         taking(reader, kind)
         stream = reader.bus.subscribe_raw(Residual, lambda data: None, depth=5)
-        assert writer.bus.wait_for_subscribers(Residual)
+        assert writer.heard(Residual)
         data = codec.encode(Residual(1, ("r",), (0.0,), (0.0,), (5.0,)), "stand")
         while not stream.received:  # a writer knows its reader before the reader knows the writer
             writer.bus.publish_raw(Residual, data)
