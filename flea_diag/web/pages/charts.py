@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +43,8 @@ NOTES = {
 }
 SPANS_S = {10: later("10 s"), 30: later("30 s"), 60: later("1 min"), 600: later("10 min")}
 FIRST_SPAN_S = 30
+SENT_S = 0.5
+"""Rows go out so often: a browser spends more on each message than on the rows in it."""
 SAID = {
     "none": later("no value"),
     "limit": later("limit"),
@@ -100,9 +104,11 @@ class Chart:
     generation: int = -1
     stretch: int = -1
     marks: Marks = ()
+    sent_s: float = -math.inf
 
     def show(self, strips: StripCharts, marks: Marks) -> None:
         """Send new rows; after a new run began, the description and all rows."""
+        now_s = time.monotonic()
         if self.generation != strips.generation:
             self.generation, self.stretch = strips.generation, -1
             about = strips.description(self.kind)
@@ -110,11 +116,13 @@ class Chart:
             self.element.run_method(
                 "describe", about, columns(about), self._stretch_ns / 1e9, past, said()
             )
+        elif marks == self.marks and now_s - self.sent_s < SENT_S:
+            return
         rows = strips.after(self.kind, self.stretch)
         if not rows and marks == self.marks:
             return
         self.stretch = rows[-1][0] if rows else self.stretch
-        self.marks = marks
+        self.marks, self.sent_s = marks, now_s
         self.element.run_method(
             "push", rows, [{"at": at / 1e9, "kind": kind} for at, kind in marks]
         )

@@ -29,6 +29,10 @@ WATCHED = {
 """What the browser says by itself."""
 
 
+BEAT_S = 0.5
+"""What lives says so at least so often; the page takes two seconds of silence for a loss."""
+
+
 class Frame:
     """One page in one browser; its own content is what ``actions``, ``more`` and ``panels`` add.
 
@@ -55,6 +59,8 @@ class Frame:
         changed: Callable[[], None],
     ) -> None:
         self.client, self._changed = client, changed
+        self._told: tuple[int, str] | None = None
+        self._beaten_s = 0.0
         ui.add_css(STATIC / "uplot" / "uPlot.css")
         ui.add_css(STATIC / "flea.css")
         with ui.element("header").classes("bar-top flea"):
@@ -87,6 +93,10 @@ class Frame:
 
         The time goes with it: a browser with another clock says so.
         """
+        now_s = time.monotonic()
+        if self._told == (ringing, spoken) and now_s - self._beaten_s < BEAT_S:
+            return
+        self._told, self._beaten_s = (ringing, spoken), now_s
         self._watch.run_method("beat", ringing, spoken, round(time.time() * 1000.0))
 
     def tell(self, words: str) -> None:

@@ -47,7 +47,7 @@ export default {
       this.$el.querySelectorAll("details").forEach((d) => { d.open = open.has(d.dataset.name); });
       this.$el.scrollLeft = scrolled;
       // What can be scrolled to the side can be reached by the keyboard.
-      const scrolls = this.$el.scrollWidth > this.$el.clientWidth && !!this.$el.closest(".scroll");
+      const scrolls = !!this.$el.closest(".scroll") && this.$el.scrollWidth > this.$el.clientWidth;
       if (scrolls) this.$el.tabIndex = 0; else this.$el.removeAttribute("tabindex");
       if (focused) this.$el.querySelector(focused)?.focus({ preventScroll: true });
     },
