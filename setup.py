@@ -74,6 +74,8 @@ EXTRAS = {
     "test": [
         "pytest>=7.4",
         "pytest-xdist>=3.5",
+        "pytest-cov>=7.0",
+        "coverage>=7.10",
         "hypothesis>=6.100",
         "mypy>=1.11",
         "ruff>=0.9",

@@ -20,6 +20,8 @@ PLOTS = "plots"
 """Folder of the pictures, beside the pages."""
 RESULTS, PATH = "results", "path"
 """Names of the markers between which README and ARCHITECTURE are filled."""
+LINES = "line_coverage"
+"""Kept result, and the markers between which QUALITY_DECLARATION states it."""
 
 
 def main() -> int:
@@ -75,6 +77,7 @@ def generated(root: Path) -> dict[Path, str]:
     for path, marker, table_text in (
         (readme, RESULTS, summarised),
         (house, PATH, "\n".join(way_table(known[IN_ARCHITECTURE]))),
+        (root / "QUALITY_DECLARATION.md", LINES, line_coverage(known.get(LINES))),
     ):
         text = filled(written(path), marker, table_text)
         made |= {path: text} if text else {}
@@ -150,6 +153,15 @@ def way_table(kept: KeptResult) -> list[str]:
             f"{row.value:g}" + (f" ({row.against})" if row.against else "") for row in rows
         ]
     return table(cells)
+
+
+def line_coverage(kept: KeptResult | None) -> str:
+    """Which lines the tests run, by room."""
+    if kept is None:
+        return "Not measured at this state."
+    rows = {"room": [row.name for row in kept.rows], "lines": [row.n for row in kept.rows]}
+    rows["run by the tests"] = [result(row) for row in kept.rows]
+    return "\n".join((f"Measured {kept.origin.date}: {kept.origin.scored_on}.", "", *table(rows)))
 
 
 def filled(text: str, marker: str, content: str) -> str:
