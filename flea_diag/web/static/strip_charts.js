@@ -2,7 +2,7 @@
 // dashed, detections and marks as lines across. All charts share one view, one cursor and one clock.
 import uPlot from "uplot";
 
-const FINE_S = 60, KEPT_S = 600, DRAW_MS = 300, MANY = 20, MANY_TURNS = 3, BEHIND_S = 0.6, LATELY_MS = 60000;
+const FINE_S = 60, KEPT_S = 600, DRAW_MS = 300, MANY = 20, MANY_TURNS = 4, BEHIND_S = 0.6, LATELY_MS = 60000;
 // In view, the same for all charts: a span that follows the clock, or a stretch that is held.
 const flea = { seconds: 30, held: null, blocks: new Set() };
 const utc = (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC");
