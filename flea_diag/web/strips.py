@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.operator.quantity import unit_of
+from flea_diag.operator.words import tr
 from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, VibrationLevel
 
 Array = npt.NDArray[np.float64]
@@ -192,7 +193,7 @@ class StripCharts:
     def _unit(self, kind: str, name: str) -> str:
         if kind != "residual":
             return self._units.get(name, "")
-        return unit_of(name, self._limits.get(name, math.nan))
+        return tr(unit_of(name, self._limits.get(name, math.nan)))
 
     def past(self, kind: str) -> list[Row]:
         """Seconds of one kind before the rows of the last minute."""

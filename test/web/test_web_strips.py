@@ -8,6 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flea_diag.configuration.languages import catalogue
+from flea_diag.operator.words import speaking
 from flea_diag.web.strips import KEPT_NS, PAST_S, STRETCH_NS, Strip, StripCharts
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Residual, Scan, VibrationLevel
 
@@ -71,6 +73,14 @@ def test_estimates_and_limits_go_with_their_charts() -> None:
     (r,) = charts.description("residual")
     row = charts.after("residual", -1)[-1][1]
     assert (row[r["low"]], row[r["high"]], row[r["limit"]]) == (2.0, 2.0, 5.5)
+
+
+def test_units_of_statistics_are_in_the_language_of_the_reader() -> None:
+    charts, names = StripCharts(), ("load_force", "motor_current_stuck", "load_position")
+    with speaking(*catalogue("de")):
+        charts.take(Residual(START_NS, names, (0.0,) * 3, (0.0,) * 3, (5.0, 50.0, 1.0)))
+        units = [chart["unit"] for chart in charts.description("residual")]
+    assert units == ["σ", "gleiche Messwerte", "seiner Grenze"]
 
 
 def test_a_new_run_and_other_channels_begin_anew() -> None:
