@@ -208,7 +208,9 @@ def _taken(of: Candidates, sound: Flags) -> RunsJudged:
     levels = of.fit(sound)
     odds, usual = _judged(of, levels, sound)
     unsound = tuple(found for found, good in zip(odds, sound, strict=True) if not good)
-    noisy = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
+    loud = tuple(n for k in np.flatnonzero(sound).tolist() for n in _noises(of, k, sound))
+    shared = _of_every_unit(of, loud)
+    noisy = tuple(found for found in loud if not shared[found.place])
     first = len(of.columns)
     rows = usual.size, usual.known.likely(), usual.known.wide()
     feigned = np.array(rows)[:, first:]

@@ -175,3 +175,15 @@ def test_what_a_recording_of_every_unit_shows_is_of_its_motion(units):
     else:
         assert (kept, fit.unsound) == (heavy, ())
         assert len(fit.sound) == len(runs)
+
+
+def test_a_relation_that_is_noisy_in_one_motion_of_every_unit_is_kept():
+    rng = np.random.default_rng(12)
+    runs = [recording(rng, (0.0, 0.0), name=f"{u}_{k}", unit=str(u)) for u in range(4)
+            for k in range(6)]  # fmt: skip
+    for run in runs:
+        if run.name.endswith("_5"):
+            run.values[:, 1] += 0.6 * rng.standard_normal(len(run))
+    fit = law_of(runs)
+    assert not fit.noisy
+    assert not any(np.isnan(run.values).any() for run in fit.sound)
