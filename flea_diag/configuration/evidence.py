@@ -81,8 +81,9 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     order = [columns.names.index(term.name) for term in law.terms]
     assert order == sorted(order)
     signatures = signatures_of(known.bound(parameters), names, law)
+    rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     made = tuple(
-        StreamHypotheses.of(law, columns, signatures, another) for another in (False, True)
+        StreamHypotheses.of(law, columns, signatures, another, rooms) for another in (False, True)
     )
     limits = limits_of(
         len({model.fault for model in signatures.models}),

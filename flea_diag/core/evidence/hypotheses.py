@@ -22,7 +22,7 @@ its onset on.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,11 +75,15 @@ class StreamHypotheses:
 
     @classmethod
     def of(
-        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, another: bool = False
-    ) -> StreamHypotheses:
-        """By a law; ``another``: of a unit that it was not learned from."""
+        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, another: bool = False,
+        rooms: Collection[str] = (),
+    ) -> StreamHypotheses:  # fmt: skip
+        """By a law; ``another``: of a unit that it was not learned from.
+
+        ``rooms``: relations that hold nothing of a unit.
+        """
         spread = law.spread(another)
-        variance = unit_variance(law, columns)
+        variance = unit_variance(law, columns, rooms)
         total = np.diag(spread.variance + (variance if another else 0.0)) + spread.covariance
         total += np.diag(np.maximum(session_variance(columns) - np.diag(total), 0.0))
         values, vectors = np.linalg.eigh(total)
@@ -159,14 +163,18 @@ def session_variance(columns: LawColumns) -> Array:
     return np.array([c.tolerance**2 if c.kind == FREE else 0.0 for c in columns.columns])
 
 
-def unit_variance(law: RunLaw, columns: LawColumns) -> Array:
+def unit_variance(law: RunLaw, columns: LawColumns, rooms: Collection[str] = ()) -> Array:
     """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts.
 
-    Its sensors are other ones, on other channels: their zeros differ by the tolerance of the
-    description, whatever units on one channel have shown.
+    It stands in the same room: what enters only the relations of ``rooms`` stays. Its sensors are
+    other ones, on other channels: their zeros differ by the tolerance of the description, whatever
+    units on one channel have shown.
     """
     warm = [
         OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
         for t in law.terms
     ]
-    return np.maximum(law.unit_variance, np.maximum(session_variance(columns), warm))
+    of_unit = [name not in rooms for name in columns.relations]
+    stays = ~(columns.design[of_unit] != 0.0).any(axis=(0, 1))
+    variance = np.maximum(law.unit_variance, np.maximum(session_variance(columns), warm))
+    return np.where(stays, 0.0, variance)
