@@ -117,7 +117,7 @@ def test_the_bank_holds_the_densities_of_faults_and_of_another_unit(monkeypatch)
 
 def test_a_fault_is_weighed_alone_and_with_another_unit(monkeypatch) -> None:
     unbounded(monkeypatch)
-    monkeypatch.setattr(FaultEvidence, "misfit", lambda self: np.ones(2))
+    monkeypatch.setattr(FaultEvidence, "_left", lambda self, sums, count: np.ones((2, 3)))
     values = drawn(14, seed=2)
     found = FaultEvidence(hypotheses(), 0, windows(values)).weighed()
     y, (mean, null, unit, effects) = values.T.ravel(), dense(14, 0)
