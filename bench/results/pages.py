@@ -88,7 +88,8 @@ PAGES = (
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
         ("machine_ema", "machine_wing", "fresh_ema", "fresh_wing", "machine_joint", "bound_ema",
-         "bound_wing", "healthy", "travel_wing", "units", "jam_ladder", "rates", "sensors"),
+         "bound_wing", "healthy", "travel_wing", "units", "jam_ladder", "rates", "sensors",
+         "foreign_hoist", "foreign_arm"),
     ),
     ResultPage(
         "baselines",
