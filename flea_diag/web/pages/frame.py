@@ -43,7 +43,7 @@ WATCHED = {
 """What the browser says by itself."""
 
 
-BEAT_S = 0.5
+BEAT_S = 0.25
 """What lives says so at least so often; the page takes two seconds of silence for a loss."""
 
 
