@@ -255,7 +255,7 @@ ARROWS = {
         "stand_folder": ("recordings", "series", "stand_check", "tables"),
         "calibrate": ("recordings",),
         "features": (),
-        "replay": (),
+        "replay": ("recordings",),
         "export": ("replay",),
         "campaign": ("calibrate", "recordings"),
         "score": ("campaign",),

@@ -76,7 +76,7 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         f"{path}: {words}" for words in (*said, *(n for t in wanted for n in senders.notes(t)))
     ]
     read = [each for each in read if each.sender not in out[each.topic]]
-    read, said = _of_one_publisher(read, len(mapping.terms))
+    read, said = _of_one_publisher(path, read, len(mapping.terms))
     notes += [f"{path}: {words}" for words in said]
     stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
     grid, pieces = ScanGrid(mapping), [list[Scan]()]
@@ -99,7 +99,7 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         yield replace(made, vibration=tuple(own))
 
 
-def _of_one_publisher(read: list[_Read], count: int) -> tuple[list[_Read], list[str]]:
+def _of_one_publisher(path: Path, read: list[_Read], count: int) -> tuple[list[_Read], list[str]]:
     """Readings without those of a second publisher of the same names, and words on it."""
     notes = []
     for topic in dict.fromkeys(each.topic for each in read):
@@ -110,7 +110,10 @@ def _of_one_publisher(read: list[_Read], count: int) -> tuple[list[_Read], list[
                 values[row, term] = value
         values = values[:, np.isfinite(values).any(axis=0)]
         stamps_s = 1e-9 * (np.array([each.log_ns for each in ours]) - ours[0].log_ns)
-        found = second_publisher(stamps_s, values)
+        try:
+            found = second_publisher(stamps_s, values)
+        except RecordingError as error:
+            raise RecordingError(f"{path}: {topic}: {error}") from None
         if found.any():
             out = {id(each) for each, is_other in zip(ours, found, strict=True) if is_other}
             read = [each for each in read if id(each) not in out]

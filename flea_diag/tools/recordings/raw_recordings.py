@@ -22,7 +22,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NamedTuple
 
-from flea_diag.errors import CalibrationError, FleaError
+from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.bag_url import BagUrl
 from flea_diag.tools.tables.readers import suffix_of
 from flea_diag.tools.terminal import progress, warn
@@ -43,10 +43,14 @@ def is_bag_of_ours(path: Path) -> bool:
 
 
 class Bags(NamedTuple):
-    """Recordings as bags, and why others are none; these reasons have been said."""
+    """Recordings as bags, and why others are none; these reasons have been said.
+
+    ``names``: what the user knows each bag by, the file that was given or a recording in it.
+    """
 
     places: list[Path | BagUrl]
     refused: list[str]
+    names: list[str]
 
 
 @contextmanager
@@ -62,26 +66,29 @@ def as_bags(places: Sequence[Path | BagUrl], stand: Stand) -> Iterator[Bags]:
 
     Raises
     ------
-    CalibrationError
+    RecordingError
         A raw recording is refused, and nothing else is left.
     """
     with TemporaryDirectory(prefix="flea_raw_") as folder:
-        found: list[Path | BagUrl] = []
-        refused: list[str] = []
+        found = Bags([], [], [])
         raw = [place for place in places if isinstance(place, Path) and _is_raw(place, stand)]
         for number, place in enumerate(places, 1):
             if place not in raw:
-                found.append(place)
+                found.places.append(place)
+                found.names.append(str(place))
                 continue
             progress(number, len(places), place.name)
             try:
-                found += _imported(place, stand, Path(folder) / str(number))
+                made = _imported(place, stand, Path(folder) / str(number))
             except FleaError as error:
-                refused.append(str(error))
+                found.refused.append(str(error))
                 warn(str(error))
-        if refused and not found:
-            raise CalibrationError(f"none of {len(refused)} recordings can be used")
-        yield Bags(found, refused)
+                continue
+            found.places.extend(made)
+            found.names.extend(str(place if len(made) == 1 else place / each.name) for each in made)
+        if found.refused and not found.places:
+            raise RecordingError(f"none of {len(found.refused)} recordings can be used")
+        yield found
 
 
 def _is_raw(place: Path, stand: Stand) -> bool:

@@ -19,6 +19,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.errors import RecordingError
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
@@ -28,7 +30,13 @@ LARGE = 8.0
 TOGETHER = 2
 """Fields of a message that must jump together: a sensor that fails has one."""
 LEAST, MOST = 0.01, 0.45
-"""Shares of the messages that another publisher has; beyond the latter two take turns."""
+"""Shares of the messages that another publisher has."""
+IN_TURNS = 0.8
+"""Share of the messages that jump away and back where two publish at one rate."""
+TURNS = (
+    "two publishers of the same fields take turns: nothing tells which one is meant; end one, or "
+    "give it another topic"
+)
 EVEN, REGULAR = 0.3, 0.8
 """Deviation from whole steps, and share of the steps within it, of a publisher of its own rate."""
 
@@ -42,22 +50,34 @@ def second_publisher(stamps_s: Array, values: Array) -> Flags:
         Time of each message, shape (n,).
     values
         Its fields, shape (n, fields); NaN where it has none.
+
+    Raises
+    ------
+    RecordingError
+        Two publish at the same rate: neither is the other one.
     """
-    count = len(stamps_s)
-    none = np.zeros(count, dtype=bool)
-    if count < FEWEST_MESSAGES or values.shape[1] < TOGETHER:
+    none = np.zeros(len(stamps_s), dtype=bool)
+    if len(stamps_s) < FEWEST_MESSAGES or values.shape[1] < TOGETHER:
         return none
+    found = none.copy()
+    found[1:-1] = _away_and_back(values)
+    share = float(found.mean())
+    if share > IN_TURNS:
+        raise RecordingError(TURNS)
+    if not LEAST <= share <= MOST or not _is_regular(stamps_s[found]):
+        return none
+    return found
+
+
+def _away_and_back(values: Array) -> Flags:
+    """Which messages but the first and the last jump away from both that are beside them."""
     across = np.abs(values[2:] - values[:-2])
     usual = np.nanmedian(np.where(np.isfinite(across), across, 0.0), axis=0)
     away = np.minimum(np.abs(values[1:-1] - values[:-2]), np.abs(values[1:-1] - values[2:]))
     with np.errstate(invalid="ignore"):
         jumps = (away > LARGE * usual) & (away > across) & (usual > 0.0)
-    found = none.copy()
-    found[1:-1] = jumps.sum(axis=1) >= TOGETHER
-    share = float(found.mean())
-    if not LEAST <= share <= MOST or not _is_regular(stamps_s[found]):
-        return none
-    return found
+    many: Flags = jumps.sum(axis=1) >= TOGETHER
+    return many
 
 
 def _is_regular(stamps_s: Array) -> bool:

@@ -37,6 +37,7 @@ from flea_diag.tools.workers import in_order
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
     from flea_diag.stages.pipeline import Pipeline
+    from flea_diag.tools.recordings.raw_recordings import Bags
     from flea_diag.wire.blocks import Block, ScanBlock
     from flea_diag.wire.records import Record
 
@@ -47,6 +48,7 @@ examples:
   flea replay bags/run                              print the verdict
   flea replay bags/run --calibration cal.yaml --json -
   flea replay bags/run --stand ./mine               on a stand of your own
+  flea replay runs/*.csv --stand ./mine             raw, without an import
   flea replay bags/* --json results/ -q -j 4        write one JSON file per bag, 4 processes
   flea replay bags/jam --calibration mine.yaml --configuration evidence
   flea replay s3://bucket/run https://host/bags/run --dask tcp://host:8786
@@ -64,7 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=bag_place,
         metavar="BAGDIR",
-        help="bags to diagnose: paths, or URLs (needs the extra url)",
+        help="recordings to diagnose: bags, their URLs (needs the extra url), or raw files that "
+        "the channels.yaml of the stand describes",
     )
     add_stand(parser)
     add_calibration(parser)
@@ -93,26 +96,36 @@ def run(arguments: argparse.Namespace) -> int:
     stand = accepted_stand(arguments, "calibration")
     if arguments.dask:  # its workers are elsewhere, in another folder
         stand = absolute(stand)
+    from flea_diag.tools.recordings.raw_recordings import as_bags
+
+    with as_bags(arguments.bags, stand) as bags:
+        summaries = _all_replayed(bags, stand, arguments)
+        refused = len(bags.refused) + len(bags.places) - len(summaries)
+    if arguments.json:
+        _write(arguments.json, summaries, several=len(arguments.bags) > 1 or len(summaries) > 1)
+    return _status(summaries, refused, len(summaries) + refused)
+
+
+def _all_replayed(bags: Bags, stand: Stand, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Summaries of all that are not refused; each is said as soon as it is there."""
     summaries: list[dict[str, Any]] = []
-    bags, began_s = arguments.bags, time.monotonic()
-    read = [bag.absolute() for bag in bags] if arguments.dask else bags
+    names, began_s = bags.names, time.monotonic()
+    read = [bag.absolute() for bag in bags.places] if arguments.dask else bags.places
     work = partial(
         _replayed, stand=stand, namespace=arguments.namespace, by=arguments.configuration
     )
-    progress(1, len(bags), bags[0].name)
+    progress(1, len(names), read[0].name)
     summed = in_order(work, read, arguments.jobs, arguments.dask)
     for number, summary in enumerate(summed, 2):
         if isinstance(summary, Refused):
             warn(summary.words)
         else:
-            summary["bag"] = str(bags[number - 2])
+            summary["bag"] = names[number - 2]
             summaries.append(summary)
             _say(summary, arguments)
-        if number <= len(bags):
-            progress(number, len(bags), bags[number - 1].name, began_s)
-    if arguments.json:
-        _write(arguments.json, summaries, several=len(bags) > 1)
-    return _status(summaries, len(bags) - len(summaries), len(bags))
+        if number <= len(names):
+            progress(number, len(names), read[number - 1].name, began_s)
+    return summaries
 
 
 def _pipeline(stand: Stand, by: str) -> Pipeline:

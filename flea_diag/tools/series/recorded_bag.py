@@ -114,7 +114,10 @@ def _recorded(
         times_s = (np.array(stamps, dtype=np.int64) - start_ns)[kept] * 1e-9
         width = len(each.places)
         table = np.array([row + [np.nan] * (width - len(row)) for row in each.values])[kept]
-        other = second_publisher(times_s, _moving(table))
+        try:
+            other = second_publisher(times_s, _moving(table))
+        except RecordingError as error:
+            raise RecordingError(f"{path}: {topic}: {error}") from None
         if other.any():
             notes += (
                 f"{topic}: {int(other.sum())} of {len(other)} messages jump away and back in all "

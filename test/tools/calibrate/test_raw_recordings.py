@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -47,20 +48,51 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
+@pytest.fixture(scope="module")
+def calibration(stand: Path) -> Path:
+    files = [str(stand.parent / f"healthy_{seed}.csv") for seed in (1, 2)]
+    raw = stand.parent / "raw.yaml"
+    assert main(["calibrate", *files, "--stand", str(stand), "-o", str(raw)]) == 0
+    return raw
+
+
 def test_a_calibration_of_raw_files_is_that_of_their_bags(
-    stand: Path, capsys: pytest.CaptureFixture[str]
+    stand: Path, calibration: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = [str(stand.parent / f"healthy_{seed}.csv") for seed in (1, 2)]
-    raw, bagged = stand.parent / "raw.yaml", stand.parent / "bagged.yaml"
-    assert main(["calibrate", *files, "--stand", str(stand), "-o", str(raw)]) == 0
+    bagged = stand.parent / "bagged.yaml"
     bags = stand.parent / "bags"
     assert main(["import", "--stand", str(stand), *files, "-o", str(bags)]) == 0
     places = [str(bags / f"healthy_{seed}") for seed in (1, 2)]
     assert main(["calibrate", *places, "--stand", str(stand), "-o", str(bagged)]) == 0
-    assert raw.read_text(encoding="utf-8") == bagged.read_text(encoding="utf-8")
+    assert calibration.read_text(encoding="utf-8") == bagged.read_text(encoding="utf-8")
     capsys.readouterr()
     assert main(["stand", "check", str(stand), *files]) == 0
     assert "Stand mine: 2 recordings" in capsys.readouterr().out
+    assert summaries(stand, files, calibration) == summaries(stand, places, calibration)
+
+
+def summaries(stand: Path, recordings: list[str], calibration: Path) -> list[object]:
+    """What ``flea replay`` says of recordings, but for their places."""
+    told = stand.parent / "told.json"
+    given = ["--stand", str(stand), "--calibration", str(calibration), "--json", str(told)]
+    assert main(["replay", *recordings, "-q", *given]) == 0
+    said = json.loads(told.read_text(encoding="utf-8"))
+    assert [each.pop("bag") for each in said] == recordings
+    return list(said)
+
+
+def test_a_raw_recording_that_is_refused_stops_no_other(
+    stand: Path, calibration: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(stand.parent / "healthy_1.csv"), str(stand.parent / "no.csv")]
+    Path(files[1]).write_text("time_s,current\n0,1\n", encoding="utf-8")
+    given = ["--stand", str(stand), "--calibration", str(calibration)]
+    assert main(["replay", *files, *given]) == 1
+    found = capsys.readouterr()
+    assert found.out.startswith(f"{files[0]}: ")
+    assert "no.csv" in found.err
+    assert "1 of 2 bags replayed, 1 refused" in found.err
 
 
 def test_a_recording_given_under_two_names_counts_once(

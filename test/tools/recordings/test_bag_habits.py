@@ -64,6 +64,15 @@ def with_a_second_publisher_of_the_same_names() -> Iterator[Sent]:
             yield late, late, ["shoulder", "elbow"], [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
 
 
+def with_two_publishers_of_one_rate() -> Iterator[Sent]:
+    """Two robots on one topic, both in motion, half a period apart."""
+    for k, row in enumerate(states()):
+        yield row
+        late, x = row[0] + 5_000_000, 0.01 * k
+        q, v = 1.0 + np.sin(x), 80.0 * np.cos(x)
+        yield late, late, ["shoulder", "elbow"], [[0.0, q], [0.0, v], [0.0, 4.0 + np.cos(x)]]
+
+
 def with_turns() -> Iterator[Sent]:
     for stamp, log, names, rows in states():
         wrapped = float(np.angle(np.exp(1j * 2.0 * rows[0][1])))
@@ -93,6 +102,7 @@ CASES: dict[Callable[[], Iterator[Sent]], tuple[int, int, str]] = {
     states: (0, 1, ""),
     with_a_second_publisher: (0, 1, "120 of 1320 messages name .* with position alone"),
     with_a_second_publisher_of_the_same_names: (0, 1, "at a rate of their own: a second publisher"),
+    with_two_publishers_of_one_rate: (1, 0, "two publishers of the same fields take turns"),
     in_two_orders: (0, 1, "the order of its names changes: read by name"),
     with_a_clock_that_stands: (0, 1, "its stamps stand still: times of receipt are taken instead"),
     with_a_clock_that_is_set: (0, 2, "its clock was set 1 times: 2 recordings"),
@@ -164,3 +174,11 @@ def test_clocks_of_topics_are_held_against_each_other() -> None:
     found, words = received_topics({"/a": log, "/b": apart}, {"/a": log, "/b": log})
     assert found == {"/a", "/b"}
     assert "clocks 5 s apart" in words[0]
+
+
+def test_nothing_is_guessed_of_two_publishers_of_one_rate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = bag(tmp_path / "run", with_two_publishers_of_one_rate())
+    assert main(["stand", "new", str(tmp_path / "mine"), "--from", str(recording)]) == 2
+    assert "/joint_states: two publishers of the same fields take turns" in capsys.readouterr().err
