@@ -16,12 +16,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from typing import Any
 
+from flea_diag.nodes.stamp_clock import StampClock
 from flea_diag.wire.bus import Bus
-from flea_diag.wire.records import Health, Level
+from flea_diag.wire.records import Health, Level, Scan
 from flea_diag.wire.topics import TOPIC_OF
 
 SILENT_AFTER_S = 0.6
@@ -30,6 +32,9 @@ SILENT_AFTER_S = 0.6
 LONGEST_TURN_S = 0.2
 """Most that one check counts as silence: in a longer time this node itself was held up, and what
 the source said meanwhile waits to be read."""
+
+MOST_DRIFT_PPM = 500.0
+"""Of the stamps against this machine's clock: ten times what two quartz clocks differ by."""
 
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
@@ -43,6 +48,7 @@ class HealthReport:
         self._last_taken_s: float | None = None
         self._silent_s, self._checked_s = 0.0, time.monotonic()
         self._worst_lag_ns = 0
+        self._clock = StampClock()
         self._reported_passed_over = 0
         self._cpu_s, self._wall_s = time.process_time(), time.monotonic()
 
@@ -74,6 +80,8 @@ class HealthReport:
         """
         if not TOPIC_OF[record_type].latched:
             self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
+        if record_type is Scan:
+            self._clock.arrived(stamp_ns, time.monotonic_ns())
         if late:
             self._late[record_type] = self._late.get(record_type, 0) + 1
 
@@ -104,6 +112,12 @@ class HealthReport:
             return Level.WARN, words
         if new > 0:
             return Level.WARN, f"{new} messages skipped or lost since the last report"
+        if abs(self._clock.drift_ppm) > MOST_DRIFT_PPM and not self._bus.replays:
+            slow = "slower" if self._clock.drift_ppm > 0.0 else "faster"
+            return Level.WARN, (
+                f"the clock of the stamps is {abs(self._clock.drift_ppm):.0f} ppm {slow} than this "
+                "machine's: set one by the other, or have the source stamp by its samples"
+            )
         return Level.OK, "running"
 
     def _stream_values(self) -> tuple[tuple[str, str], ...]:
@@ -123,10 +137,11 @@ class HealthReport:
     def _machine_values(self) -> tuple[tuple[str, str], ...]:
         cpu_s, wall_s = time.process_time(), time.monotonic()
         percent = 100.0 * (cpu_s - self._cpu_s) / max(wall_s - self._wall_s, 1e-9)
-        lag_ms = self._worst_lag_ns / 1e6
+        lag_ms, drift = self._worst_lag_ns / 1e6, self._clock.drift_ppm
         self._cpu_s, self._wall_s, self._worst_lag_ns = cpu_s, wall_s, 0
         return (
             ("worst_lag_ms", f"{lag_ms:.1f}"),
+            *((("stamp_drift_ppm", f"{drift:.0f}"),) if math.isfinite(drift) else ()),
             ("cpu_percent", f"{percent:.1f}"),
             ("memory_mb", f"{_resident_bytes() / 1e6:.0f}"),
         )

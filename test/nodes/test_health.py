@@ -23,6 +23,7 @@ import pytest
 from flea_diag.nodes import health
 from flea_diag.nodes.health import SILENT_AFTER_S, HealthReport
 from flea_diag.nodes.stage.adapter import WATCH_S
+from flea_diag.wire.records import Scan
 
 
 class Clock:
@@ -33,6 +34,9 @@ class Clock:
 
     def monotonic(self) -> float:
         return self.now_s
+
+    def monotonic_ns(self) -> int:
+        return round(1e9 * self.now_s)
 
     def process_time(self) -> float:
         return 0.0
@@ -81,3 +85,17 @@ def test_a_source_that_stopped_during_a_pause_is_silent_soon_after_it(clock: Clo
 
 def test_nothing_is_silent_before_it_was_heard(clock: Clock) -> None:
     assert not any(checked(HealthReport(SimpleNamespace()), clock, *[WATCH_S] * 10))
+
+
+@pytest.mark.parametrize(("ppm", "words"), [(900.0, "900 ppm slower"), (20.0, "running")])
+def test_stamps_that_drift_against_arrival_are_said(clock: Clock, ppm: float, words: str) -> None:
+    bus = SimpleNamespace(now_ns=lambda: 0, streams={}, state="active", replays=False, name="n")
+    report, start_s = HealthReport(bus), clock.now_s
+    for _ in range(400):
+        clock.now_s += 0.1
+        stamp_ns = round(1e9 * (start_s + (clock.now_s - start_s) * (1.0 - 1e-6 * ppm)))
+        report.arrived(Scan, stamp_ns, late=False)
+    report.taken()
+    said = report.record()
+    assert words in said.message
+    assert float(dict(said.values)["stamp_drift_ppm"]) == pytest.approx(ppm, abs=2.0)

@@ -26,7 +26,12 @@ from flea_diag.tools.argument import add_cluster, add_jobs, add_json
 from flea_diag.tools.bag_url import bag_place
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
-from flea_diag.tools.calibrate.recording_checks import check_bands, check_modes, check_signs
+from flea_diag.tools.calibrate.recording_checks import (
+    check_bands,
+    check_modes,
+    check_signs,
+    lag_words,
+)
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.extra import require
 from flea_diag.tools.stand_option import absolute, accepted_stand, add_stand
@@ -112,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         recordings, refused = read_nominal(bags.places, known, sharing)
         check_signs(recordings, known)
         check_bands(recordings, known)
-        for words in check_modes(recordings, known):
+        for words in (*check_modes(recordings, known), *lag_words(recordings, known)):
             warn(words)
         try:
             found = learn(

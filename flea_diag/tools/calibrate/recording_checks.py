@@ -23,6 +23,9 @@ from typing import TYPE_CHECKING
 from flea_diag.errors import CalibrationError, shown
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.residuals.residual_rows import ResidualSet
     from flea_diag.tools.calibrate.nominal_recording import NominalRecording
@@ -98,22 +101,45 @@ def check_signs(recordings: Sequence[NominalRecording], known: ResidualSet) -> N
     CalibrationError
         Names the channel, the coefficient, its limit and the remedy.
     """
-    import numpy as np
-
     from flea_diag.core.calibration.sign_check import sign_contradiction
 
     if not recordings:
         return
-    present = [name for name in known.channels if name in recordings[0].channels]
-    rows = [r.run.rows[:, [known.index[name] for name in present]] for r in recordings]
-    gap = np.full((1, len(present)), np.nan)
-    values = np.concatenate([part for each in rows for part in (each, gap)])
-    units = {name: known.units[name] for name in present}
+    units, values = _together(recordings, known)
     words = sign_contradiction(units, values, recordings[0].period_s)
     if words:
         raise CalibrationError(
             f"{len(recordings)} recordings: {words} where they are imported, and import them again"
         )
+
+
+def lag_words(recordings: Sequence[NominalRecording], known: ResidualSet) -> list[str]:
+    """Words on each channel that comes later than another one of the same relation."""
+    from flea_diag.tools.recordings.channel_lag import channel_lags
+
+    if not recordings:
+        return []
+    units, values = _together(recordings, known)
+    lags = channel_lags(units, values, recordings[0].period_s)
+    return [
+        f"{lag.words}: the relations of both take it for a fault where motion changes; correct its "
+        "filter or its stamps"
+        for lag in lags
+        if lag.is_late
+    ]
+
+
+def _together(
+    recordings: Sequence[NominalRecording], known: ResidualSet
+) -> tuple[dict[str, str], npt.NDArray[np.float64]]:
+    """Units of the channels of the first recording, and all readings with a gap after each."""
+    import numpy as np
+
+    present = [name for name in known.channels if name in recordings[0].channels]
+    rows = [r.run.rows[:, [known.index[name] for name in present]] for r in recordings]
+    gap = np.full((1, len(present)), np.nan)
+    values = np.concatenate([part for each in rows for part in (each, gap)])
+    return {name: known.units[name] for name in present}, values
 
 
 def check_modes(recordings: Sequence[NominalRecording], known: ResidualSet) -> list[str]:

@@ -62,6 +62,10 @@ def as_text(page: StandPage) -> str:
     if page.alone:
         lines.append(f"  by readings of the sensor alone: {', '.join(_by_channel(page.alone))}")
     lines += [f"  not seen: {name}: {why}" for name, why in page.unseen.items()]
+    if page.lags:
+        late = {True: ": correct its filter or its stamps", False: ""}
+        lines += ["", "Lags between channels of one relation"]
+        lines += [f"  {row.words}{late[row.is_late]}" for row in page.lags]
     if page.visible:
         lines += ["", "Sizes that half of the recordings of its calibration show"]
         lines += [f"  {line}" for line in size_lines(page.visible)]

@@ -20,6 +20,8 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from flea_diag.configuration.description import faults_of
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR, FalseAlarmPromise
@@ -29,6 +31,7 @@ from flea_diag.core.likelihood.size_bound import SizeBound
 from flea_diag.core.machine_modes import never_seen, never_seen_words
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.run_law import VisibleSize
+from flea_diag.tools.recordings.channel_lag import ChannelLag, channel_lags
 from flea_diag.tools.stand_check.channel_check import ChannelCheck, channel_checks
 from flea_diag.tools.stand_check.fault_sizes import FaultSizes
 from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
@@ -72,6 +75,8 @@ class StandPage:
     """What the calibration of the stand sees; empty where it holds no law of its recordings."""
     modes: tuple[str, ...] = ()
     """Words on each mode of the machine that no recording shows."""
+    lags: tuple[ChannelLag, ...] = ()
+    """How long channels come after others, where the motion shows it."""
 
     @property
     def missing_hours(self) -> float:
@@ -127,6 +132,7 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
         tuple(_problems(checks)),
         law.visible if law is not None else (),
         tuple(_modes(whole.relations.residuals, motions)),
+        tuple(_lags(motions, [row for row in checks if row.name in usable])),
     )
 
 
@@ -134,6 +140,15 @@ def _modes(known: ResidualSet, motions: Sequence[RecordedMotion]) -> Iterator[st
     told = [motion.in_order(known.channels) for motion in motions]
     for mode in never_seen(known.modes, told):
         yield never_seen_words(mode, known.channels[mode.channel])
+
+
+def _lags(
+    motions: Sequence[RecordedMotion], usable: Sequence[ChannelCheck]
+) -> Sequence[ChannelLag]:
+    units = {row.name: row.unit for row in usable}
+    gap = np.full((1, len(units)), np.nan)
+    rows = [part for motion in motions for part in (motion.in_order(tuple(units)), gap)]
+    return channel_lags(units, np.concatenate(rows), motions[0].period_s)
 
 
 def _unseen(
