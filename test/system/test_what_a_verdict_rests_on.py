@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -60,6 +61,8 @@ class Row:
     words: str = ""
     spoilt: tuple[str, ...] = ()
     troubles: tuple[str, ...] = ()
+    beside: tuple[int, int] | None = None
+    """Unit of another stand on the same topics, and by how many ns it is later."""
     change: Any = None
     """Changes the scans of a run before they are sent."""
 
@@ -74,6 +77,34 @@ def missing(channel: str, every: int, run: Run) -> Run:
             values[column] = math.nan
         scans.append(replace(scan, values=tuple(values)))
     return replace(run, scans=tuple(scans))
+
+
+def missing_at_random(share: float, run: Run) -> Run:
+    """Any reading is missing with this probability."""
+    draw = random.Random(2)
+    return replace(
+        run,
+        scans=tuple(
+            replace(s, values=tuple(math.nan if draw.random() < share else v for v in s.values))
+            for s in run.scans
+        ),
+    )
+
+
+def in_another_unit(channel: str, factor: float, run: Run) -> Run:
+    """One channel is sent in another unit than is declared."""
+    column = run.scans[0].channels.index(channel)
+    scans = []
+    for scan in run.scans:
+        values = list(scan.values)
+        values[column] *= factor
+        scans.append(replace(scan, values=tuple(values)))
+    return replace(run, scans=tuple(scans))
+
+
+def ends(at_s: float, run: Run) -> Run:
+    """The source dies."""
+    return replace(run, scans=tuple(s for s in run.scans if s.stamp_ns < 1e9 * at_s))
 
 
 def at_rate(rate_hz: float, run: Run) -> Run:
@@ -91,6 +122,13 @@ ROWS: dict[str, Row] = {
     "and the screw jams": Row(
         JAM, BLIND, Outcome.DATA_UNUSABLE, "load_force", change=partial(missing, "load_force", 33)
     ),
+    "5 % of all readings are missing": Row(
+        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, change=partial(missing_at_random, 0.05)
+    ),
+    "newtons as millinewtons, and the screw jams": Row(
+        JAM, BLIND, Outcome.DATA_UNUSABLE, "load_force",
+        change=partial(in_another_unit, "load_force", 1000.0),
+    ),
     "a load cell at 50 Hz": Row(
         HEALTHY, BLIND, Outcome.DATA_UNUSABLE, "load_force",
         change=partial(missing, "load_force", 2),
@@ -104,10 +142,18 @@ ROWS: dict[str, Row] = {
             HEALTHY, {Outcome.MODEL_MISMATCH, *QUIET}, Outcome.MODEL_MISMATCH, f"{rate_hz:g} Hz",
             change=partial(at_rate, rate_hz),
         )
-        for rate_hz in (50.0, 80.0, 95.0, 105.0, 120.0)
+        for rate_hz in (50.0, 80.0, 95.0, 99.0, 105.0, 120.0)
     },
     "stamps jitter": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("jitter",)),
     "the clock steps back": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("clock_set_back",)),
+    "the clock steps back, and the screw jams": Row(
+        JAM, {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, *QUIET},
+        Outcome.INDISTINGUISHABLE, "jam", spoilt=("clock_set_back",),
+    ),
+    "another stand 5 ms beside": Row(HEALTHY, QUIET, Outcome.NOMINAL, beside=(JAM, 5_000_000)),
+    "another stand once the first is dead": Row(
+        HEALTHY, QUIET, Outcome.NOMINAL, beside=(HEALTHY + 1, 7_000_000), change=partial(ends, 6.0)
+    ),
     "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
     "through its life cycle again": Row(
         HEALTHY, QUIET, Outcome.NOMINAL, troubles=("configured_again",)
@@ -127,6 +173,9 @@ def world_of(row: Row, folder: Path) -> World:
     )  # fmt: skip
     with scheduler.as_time():
         world.start()
+        if row.beside is not None:
+            unit, late_ns = row.beside
+            world.beside("other_stand", run_of(unit, LENGTH_S), late_ns)
         world.finish()
     return world
 

@@ -76,6 +76,8 @@ class ObserverStage:
             for name, tolerance in names
         }
         self._table: ChannelTable | None = None
+        self._swapped = False
+        """Whether the channel table has named another unit since the stream began."""
         self._verdict: AmbiguityGroup | None = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -84,6 +86,7 @@ class ObserverStage:
         if isinstance(record, Scan):
             return self._scan(record)
         if isinstance(record, ChannelTable):
+            self._swapped |= _are_others(self._table, record)
             self._table = record
             self._chain.take_ranges(record)
             self._deaf = self._unheard(record)
@@ -125,11 +128,14 @@ class ObserverStage:
             return ()
         taken_over: tuple[Record, ...] = ()
         if place is Place.RESTART:
+            self._swapped = False
             chain.begin(scan.stamp_ns, self._table)
             _, taken_over = self._take_over()
-        elif place is Place.AFTER_GAP:
-            chain.stream.interrupt()
         block = ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values]))
+        if place is Place.AFTER_GAP:
+            if self._swapped:
+                return self._go_over(block, scan.stamp_ns)
+            chain.stream.interrupt()
         reading = chain.channels.read(block)
         if chain.other_unit(reading) == 0:
             return self._go_over(block, scan.stamp_ns)
@@ -149,6 +155,7 @@ class ObserverStage:
     def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
         """Another unit is in use: close the episode of the last one and start a new stream."""
         chain = self._chain
+        self._swapped = False
         closed = chain.episode.close(stamp_ns, ANOTHER_UNIT)
         chain.begin(stamp_ns, self._table)
         _, output = chain.examine(block, chain.channels.read(block))
@@ -196,3 +203,10 @@ class ObserverStage:
             return ()
         chain.stream.turn(opened=False)
         return (chain.episode.close(chain.order.last_ns, "reset"),)
+
+
+def _are_others(before: ChannelTable | None, table: ChannelTable) -> bool:
+    """Whether a channel table is of another unit than the one before: no serial number is left."""
+    known, named = ({row.serial for row in each.channels if row.serial} if each else set()
+                    for each in (before, table))  # fmt: skip
+    return bool(known and named) and known.isdisjoint(named)
