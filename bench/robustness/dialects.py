@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in drawn dialects: the same stand as from the plain one, or one true line.
+"""Recordings in drawn dialects: the same stand and verdict as from the plain one, or a true line.
 
 python bench/robustness/dialects.py                     1300 tables, 700 bags
 python bench/robustness/dialects.py 200 100 --seed 9    fewer, of other seeds
+Ctrl-C ends the tables, a second one the bags; what is done by then counts.
 """
 
 from __future__ import annotations
@@ -23,13 +24,17 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from summary import bench_parser, share, write_summary
+from summary import Figure, bench_parser, share, write_summary
+from support.foreign.dialect_verdicts import DialectVerdicts
 from support.foreign.dialect_walk import Walked, walked_bag, walked_table
+
+Walk = Callable[[Path, int, DialectVerdicts], Walked]
 
 
 def main() -> int:
@@ -39,35 +44,41 @@ def main() -> int:
     parser.add_argument("bags", nargs="?", type=int, default=700)
     parser.add_argument("--seed", type=int, default=20_000, help="of the first (default 20000)")
     args = parser.parse_args()
-    figures, wrong = [], 0
     kinds = (("tables", walked_table, args.tables), ("bags", walked_bag, args.bags))
-    for name, walk, count in kinds:
-        seeds = range(args.seed, args.seed + count)
-        found = []
-        for seed in seeds:
-            found.append(_told(walk, seed))
-            if len(found) % 100 == 0:
-                bad = sum(bool(each.wrong) for each in found)
-                print(f"{name:6s} {len(found)} of {count}: {bad} wrong", flush=True)
-        bad = sum(bool(each.wrong) for each in found)
-        refused = sum(each.status != 0 for each in found)
-        figures.append(
-            share(
-                f"{name}: the stand and the scans of the plain one, or one line",
-                count - bad,
-                count,
-                seed=f"{seeds[0]} to {seeds[-1]}",
-            )
-        )
-        wrong += bad
-        print(f"{name:6s} n = {count}: {bad} wrong, {refused} refused in one line", flush=True)
+    figures, wrong = [], 0
+    with tempfile.TemporaryDirectory() as stands:
+        for name, walk, count in kinds:
+            seeds = range(args.seed, args.seed + count)
+            found = _walked(name, walk, seeds, DialectVerdicts(Path(stands) / name))
+            bad = sum(bool(each.wrong) for each in found)
+            if found:
+                figures.append(_figure(name, len(found), bad, args.seed))
+            wrong += bad
     write_summary("dialects", figures, args.json)
     return min(wrong, 1)
 
 
-def _told(walk: Callable[[Path, int], Walked], seed: int) -> Walked:
+def _figure(name: str, count: int, bad: int, first: int) -> Figure:
+    words = f"{name}: the stand, the scans and the verdict of the plain one, or one line"
+    return share(words, count - bad, count, seed=f"{first} to {first + count - 1}")
+
+
+def _walked(name: str, walk: Walk, seeds: range, verdicts: DialectVerdicts) -> list[Walked]:
+    found: list[Walked] = []
+    with suppress(KeyboardInterrupt):
+        for seed in seeds:
+            found.append(_told(walk, seed, verdicts))
+            if len(found) % 100 == 0:
+                bad = sum(bool(each.wrong) for each in found)
+                print(f"{name:6s} {len(found)} of {len(seeds)}: {bad} wrong", flush=True)
+    bad, refused = sum(bool(e.wrong) for e in found), sum(e.status != 0 for e in found)
+    print(f"{name:6s} n = {len(found)}: {bad} wrong, {refused} refused in one line", flush=True)
+    return found
+
+
+def _told(walk: Walk, seed: int, verdicts: DialectVerdicts) -> Walked:
     with tempfile.TemporaryDirectory() as folder:
-        found = walk(Path(folder) / "walk", seed)
+        found = walk(Path(folder) / "walk", seed, verdicts)
     if found.wrong:
         print(f"seed {seed}: {found.words}: {found.wrong}", flush=True)
     return found

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,8 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
 from flea_diag.tools.recordings.mapped_source import mapped_recordings
 from support.foreign.bag_dialects import bag_of, drawn_bag, plain_bag
-from support.foreign.table_dialects import Motion, drawn_dialect, motion_of, plain, written
+from support.foreign.dialect_verdicts import DialectVerdicts, Writer, drawn_motion
+from support.foreign.table_dialects import Motion, drawn_dialect, plain, written
 
 KEYS = ("unit", "sign", "scale")
 
@@ -44,23 +45,47 @@ class Walked:
     wrong: str
 
 
-def walked_table(folder: Path, seed: int) -> Walked:
-    """Draw a dialect and a motion, write both ways, and hold the stands against each other."""
+def walked_table(folder: Path, seed: int, verdicts: DialectVerdicts | None = None) -> Walked:
+    """Draw a dialect and a motion, write both ways, and hold the stands against each other.
+
+    With ``verdicts`` the motion is longer, half of them have a fault, and what ``flea replay`` says
+    is held against each other, too.
+    """
     rng = np.random.default_rng(seed)
     dialect = drawn_dialect(rng)
-    motion = motion_of(dialect, rng)
+    uneven = dialect.odd == "uneven steps"
+    motion = drawn_motion(rng, uneven) if verdicts else Motion.drawn(rng, uneven=uneven)
     folder.mkdir()
-    clean = written(folder / "clean", motion, plain(dialect), rng)
-    return _walked(folder, clean, written(folder / "run", motion, dialect, rng), dialect.words)
+
+    def write(path: Path, motion: Motion) -> Path:
+        return written(path, motion, plain(dialect), rng)
+
+    clean, file = write(folder / "clean", motion), written(folder / "run", motion, dialect, rng)
+    return _judged(_walked(folder, clean, file, dialect.words), verdicts, clean, file, write)
 
 
-def walked_bag(folder: Path, seed: int) -> Walked:
+def walked_bag(folder: Path, seed: int, verdicts: DialectVerdicts | None = None) -> Walked:
     """The same with a bag."""
     rng = np.random.default_rng(seed)
-    dialect, motion = drawn_bag(rng), Motion.drawn(rng)
+    dialect = drawn_bag(rng)
+    motion = drawn_motion(rng) if verdicts else Motion.drawn(rng)
     folder.mkdir()
-    clean = bag_of(folder / "clean", motion, plain_bag(dialect), rng)
-    return _walked(folder, clean, bag_of(folder / "run", motion, dialect, rng), dialect.words)
+
+    def write(path: Path, motion: Motion) -> Path:
+        return bag_of(path, motion, plain_bag(dialect), rng)
+
+    clean, file = write(folder / "clean", motion), bag_of(folder / "run", motion, dialect, rng)
+    return _judged(_walked(folder, clean, file, dialect.words), verdicts, clean, file, write)
+
+
+def _judged(
+    walked: Walked, verdicts: DialectVerdicts | None, clean: Path, file: Path, write: Writer
+) -> Walked:
+    """The same, held against the verdict on the plain recording where all else is right."""
+    if verdicts is None or walked.wrong or walked.status:
+        return walked
+    stands = file.parent / "expected", file.parent / "mine"
+    return replace(walked, wrong=verdicts.differ(stands[0], clean, stands[1], file, write))
 
 
 def _walked(folder: Path, clean: Path, file: Path, words: str) -> Walked:

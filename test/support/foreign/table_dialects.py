@@ -164,11 +164,6 @@ def plain(dialect: Dialect) -> Dialect:
     return Dialect(dialect.names, dialect.units, dialect.said, "s", beside=dialect.beside)
 
 
-def motion_of(dialect: Dialect, rng: Rng) -> Motion:
-    """A motion as this dialect is to hold it."""
-    return Motion.drawn(rng, uneven=dialect.odd == "uneven steps")
-
-
 def written(path: Path, motion: Motion, dialect: Dialect, rng: Rng) -> Path:
     """A table in a dialect; its path has the ending of its format."""
     table = _columns(motion, dialect)

@@ -137,6 +137,8 @@ class RosNode:
             return
         try:
             self._ready.popleft()()
+        except KeyboardInterrupt:  # meant for the simulation
+            raise
         except BaseException as error:  # of an executor it would end the process
             self.raised = error
             return
