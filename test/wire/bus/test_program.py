@@ -20,12 +20,14 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from support.live import ROOT, Peer, Process, environment, node, toy
 
 from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.wire.bus.program import usage
 from flea_diag.wire.records import Health
 from flea_diag.wire.topics import TOPICS
 
@@ -166,17 +168,11 @@ NODES = ("observer", "isolator", "extractor", "diagnoser", "recorder", "console"
 
 @pytest.mark.parametrize("name", NODES)
 def test_help_says_topics_parameters_and_examples(name: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", EXECUTABLES[name], "--help"],
-        env=environment(0),
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert f"ros2 run flea_diag {name}" in done.stdout
+    """What ``--help`` prints; every executable is started with it in ``test_installation.py``."""
+    said = usage(import_module(EXECUTABLES[name]).program())
+    assert f"ros2 run flea_diag {name}" in said
     for word in ("subscribes:", "parameters", "executor", "examples:", "/msg/"):
-        assert word in done.stdout
+        assert word in said
 
 
 def test_help_into_a_pipe_that_is_closed_early_is_no_error() -> None:
