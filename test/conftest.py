@@ -28,14 +28,17 @@ from typing import Any, NoReturn
 
 import hypothesis
 import pytest
+from support import examples
 from support.places import ROOT
 
 from flea_diag.wire.records import Scan
 
 # CI judges a change, not a draw of luck: the same examples each time there, new ones elsewhere.
-hypothesis.settings.register_profile("ci", derandomize=True, deadline=None)
-if os.environ.get("CI"):
-    hypothesis.settings.load_profile("ci")
+hypothesis.settings.register_profile("few", max_examples=examples(100))
+hypothesis.settings.register_profile(
+    "ci", derandomize=True, deadline=None, max_examples=examples(100)
+)
+hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "few")
 
 # A shell has its background jobs ignore Ctrl-C, and so would whatever the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)

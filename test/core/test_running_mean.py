@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from flea_diag.core.running_mean import WindowedMeans
 
@@ -33,7 +34,7 @@ def expected(rows: np.ndarray, window: int) -> np.ndarray:
                     np.nan)  # fmt: skip
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.lists(st.tuples(CELLS, CELLS), min_size=1, max_size=40))
 def test_means_are_those_of_the_last_rows(rows):
     means = WindowedMeans(2, WINDOWS)
@@ -91,7 +92,7 @@ def test_clear_forgets_some_columns_or_all():
     assert means.means()[0].tolist() == pytest.approx([2.0, 1.0])
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=12), st.integers(0, 1000))
 def test_blocks_give_the_bits_of_their_rows(lengths, seed):
     random = np.random.default_rng(seed)

@@ -28,6 +28,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from flea_diag.configuration.screens import load_causal_map
 from flea_diag.core.choice.diagnosis_tree import Node
@@ -147,7 +148,7 @@ def _members(state: OperatorState) -> tuple[r.Candidate, ...]:
     return state.group.members if state.group is not None else ()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(records=st.lists(RECORDS, min_size=1, max_size=8), late_s=st.sampled_from((0.0, 1.5, 9.0)))
 def test_no_screen_says_more_than_the_records(
     records: list[Any], late_s: float, tools: Tools

@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 from support.places import WING
 
 from flea_diag.configuration.files import load_yaml
@@ -314,7 +315,7 @@ PLACES = {name: places(content) for name, content in FILES.items()}
 
 @pytest.mark.slow
 @given(st.sampled_from(sorted(FILES)), st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_any_junk_anywhere_is_taken_or_refused_in_one_line(name: str, data: st.DataObject) -> None:
     content = copy.deepcopy(FILES[name])
     *parents, last = data.draw(st.sampled_from(PLACES[name]))

@@ -22,7 +22,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import stands
+from support import examples, stands
 from support.places import WING
 
 from flea_diag.configuration import calibrations, files, knowledge
@@ -253,7 +253,7 @@ JUNK = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(st.deferred(lambda: st.sampled_from(sorted(mapping()))), JUNK)
 def test_junk_anywhere_is_refused_or_read_never_a_traceback(key, junk):
     plain = mapping()

@@ -23,6 +23,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from flea_diag.configuration.knowledge import load_features
 from flea_diag.core.choice.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
@@ -190,7 +191,7 @@ def tree(table: FaultFeatureTable, group: dict[str, float], strategy: str) -> No
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(hard_tables(), groups)
 def test_optimum_never_costs_more_and_all_strategies_have_the_same_leaves(
     table: FaultFeatureTable, group: dict[str, float]
@@ -204,7 +205,7 @@ def test_optimum_never_costs_more_and_all_strategies_have_the_same_leaves(
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(noisy_tables(), groups)
 def test_optimum_never_costs_more_on_noisy_tables(
     table: FaultFeatureTable, group: dict[str, float]
@@ -214,7 +215,7 @@ def test_optimum_never_costs_more_on_noisy_tables(
         assert best <= tree(table, group, strategy).expected_cost + 1e-9
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(noisy_tables(), groups, st.lists(st.sampled_from(["--", "-", "0", "+", "++", "?"])))
 def test_groups_only_shrink(
     table: FaultFeatureTable, group: dict[str, float], answers: list[str]
@@ -227,7 +228,7 @@ def test_groups_only_shrink(
         left = smaller
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(hard_tables(), groups, st.sampled_from(STRATEGIES), st.sampled_from(FAULTS))
 def test_lazy_walk_ends_in_a_leaf_of_the_whole_tree(
     table: FaultFeatureTable, group: dict[str, float], strategy: str, truth: str

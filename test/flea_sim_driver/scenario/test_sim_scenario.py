@@ -25,6 +25,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 from support.places import ROOT
 from support.stand_runs import scenario
 
@@ -107,7 +108,7 @@ def test_the_impossible_is_refused_by_name_value_and_limit(name: str) -> None:
         ),
     )
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_any_mapping_is_a_scenario_or_one_clear_refusal(values: dict[str, Any]) -> None:
     try:
         made = scenario_from_mapping(values, "fuzz")

@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from flea_diag.errors import WireError
 from flea_diag.wire import records as r
@@ -149,7 +150,7 @@ def test_every_topic_has_a_strategy() -> None:
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
 def test_every_record_reads_back_exactly(kind: type) -> None:
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=examples(60), deadline=None)
     @given(RECORDS[kind])
     def check(record: Any) -> None:
         assert same(codec.decode(kind, codec.encode(record)), record)
@@ -157,7 +158,7 @@ def test_every_record_reads_back_exactly(kind: type) -> None:
     check()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(record=ANY_RECORD)
 def test_rosbags_reads_and_writes_the_same_bytes(record: Any) -> None:
     typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
@@ -167,7 +168,7 @@ def test_rosbags_reads_and_writes_the_same_bytes(record: Any) -> None:
     assert bytes(store.serialize_cdr(store.deserialize_cdr(data, name), name)) == data
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(record=ANY_RECORD)
 def test_rclpy_reads_and_writes_the_same_record(record: Any) -> None:
     serialization = pytest.importorskip("rclpy.serialization", reason="rclpy is not installed")
@@ -345,14 +346,14 @@ def test_a_record_that_cannot_travel_is_refused(record: Any, words: str) -> None
         codec.encode(record)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(kind=st.sampled_from(list(RECORDS)), data=st.binary(max_size=200))
 def test_arbitrary_bytes_are_read_or_refused_in_one_line(kind: type, data: bytes) -> None:
     read_or_refused(kind, data)
     read_or_refused(kind, b"\x00\x01\x00\x00" + data)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(record=ANY_RECORD, data=st.data())
 def test_damaged_messages_are_read_or_refused_in_one_line(record: Any, data: st.DataObject) -> None:
     whole = bytearray(codec.encode(record))
@@ -362,7 +363,7 @@ def test_damaged_messages_are_read_or_refused_in_one_line(record: Any, data: st.
     read_or_refused(type(record), bytes(whole[: data.draw(st.integers(0, len(whole)))]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(record=ANY_RECORD, kind=st.sampled_from(list(RECORDS)))
 def test_a_record_of_another_topic_is_read_or_refused_in_one_line(record: Any, kind: type) -> None:
     read_or_refused(kind, codec.encode(record))
