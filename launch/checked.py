@@ -277,7 +277,9 @@ def _named(line, parameters):
     quoted = [name for name, value in texts.items() if f"'{value}'" in line]
     # A value that two arguments share is that of the one that the line names.
     spoken = [name for name in quoted if line.startswith(name)]
-    leading = [name for name, value in texts.items() if line.startswith(value)]
+    leading = [
+        name for name, value in texts.items() if line.startswith((value, os.path.abspath(value)))
+    ]
     for name in (spoken or quoted or leading)[:1]:
         return f"{ARGUMENT_OF.get(name, name)}:={texts[name]}: {line}"
     return line
