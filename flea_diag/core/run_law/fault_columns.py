@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,12 +58,14 @@ class FaultColumn:
 class FaultColumns:
     """Columns of these relations; ``design`` has shape (relations, signals, columns).
 
-    A fault that moves no relation is not among them.
+    A fault that moves no relation is not among them. ``starting`` are relations that start from a
+    reading, and with the error that is in it by then.
     """
 
     columns: tuple[FaultColumn, ...]
     design: Array
     elapsed: int
+    starting: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.columns)
@@ -74,15 +76,18 @@ class FaultColumns:
         since_s = (np.arange(len(run)) - onset + 0.5) * WINDOW_S
         added += np.maximum(since_s, 0.0)[:, None, None] * self.design[:, self.elapsed]
         added[:onset] = 0.0
+        if not onset:
+            added[:, self.starting] -= added[:1, self.starting]
         return np.asarray(added)
 
 
 def fault_columns(
-    models: Iterable[FaultModel], relations: tuple[str, ...], names: tuple[str, ...]
-) -> FaultColumns:
+    models: Iterable[FaultModel], relations: tuple[str, ...], names: tuple[str, ...],
+    predictions: Collection[str] = (),
+) -> FaultColumns:  # fmt: skip
     """Columns of all models; of a drift that of the youngest age, none of rough variants.
 
-    ``names`` are the signals of windows.
+    ``names`` are the signals of windows, ``predictions`` relations that start from a reading.
     """
     found: dict[tuple[str, str, bytes], tuple[FaultColumn, Array]] = {}
     drifts: set[str] = set()
@@ -103,4 +108,5 @@ def fault_columns(
     entries = list(found.values())
     blank = np.zeros((len(relations), len(names), 0))
     design = np.stack([entry for _, entry in entries], axis=-1) if entries else blank
-    return FaultColumns(tuple(c for c, _ in entries), design, names.index("elapsed_s"))
+    starting = tuple(k for k, name in enumerate(relations) if name in predictions)
+    return FaultColumns(tuple(c for c, _ in entries), design, names.index("elapsed_s"), starting)

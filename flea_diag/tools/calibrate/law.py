@@ -59,7 +59,9 @@ class LawDesign:
         free = described(actuator).free_per_run
         columns = law_columns(effects, parameters, tolerance, work.relations, free)
         models, signals = effects.bound(parameters), signal_names(effects)
-        return cls(work, columns, fault_columns(models, work.relations, signals))
+        predictions = effects.residuals.predictions
+        found = fault_columns(models, work.relations, signals, predictions)
+        return cls(work, columns, found)
 
     def windows(
         self, recordings: Sequence[NominalRecording], sharing: Sharing = ALONE

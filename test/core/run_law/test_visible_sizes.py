@@ -85,3 +85,11 @@ def test_half_of_injections_of_the_stated_size_reach_the_limit():
 def test_a_limit_grows_by_the_logarithm_of_what_is_tested():
     assert limit_nats(0.1, 10) - limit_nats(1.0, 10) == pytest.approx(np.log(10.0))
     assert limit_nats(0.1, 100) - limit_nats(0.1, 10) == pytest.approx(np.log(10.0))
+
+
+def test_an_error_that_a_prediction_starts_from_does_not_show_from_before():
+    run = recording(np.random.default_rng(5), (0.0, 0.0), windows=300)
+    starting = replace(FAULTS, starting=(RELATIONS.index("circuit"),))
+    jam, bias = visible_sizes(exact(0.1), COLUMNS, starting, [run], LIMIT, DROP)
+    assert np.isfinite([jam.onset, jam.before, bias.onset]).all()
+    assert np.isinf(bias.before)
