@@ -124,9 +124,19 @@ def _skip_without(name: str, error: Exception) -> NoReturn:
     pytest.skip(f"{package} is not installed: it comes by pip alone", allow_module_level=True)
 
 
+GIVES_WAY = 10
+"""Niceness of tests that run beside a stand in real time: they take the time that it leaves."""
+
+
+def _give_way(path: Path) -> None:
+    if _group(path) != "stands" and os.nice(0) < GIVES_WAY:
+        os.nice(GIVES_WAY)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
     """Fixtures import late, too."""
+    _give_way(item.path)
     try:
         return (yield)
     except ModuleNotFoundError as error:
