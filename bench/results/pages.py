@@ -121,7 +121,7 @@ PAGES = (
         "in a cell the first is of the evidence. It decides nothing of the product yet. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
-        ("evidence",),
+        ("evidence_injections", "evidence"),
     ),
     ResultPage(
         "performance",
