@@ -58,7 +58,8 @@ STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", 
 STARTS_NODES = re.compile(r"\bdomain: int\b")
 """What a file says whose tests start nodes."""
 IN_REAL_TIME = (
-    "flea_sim_driver/test_daq_node.py", "system/test_fleet_launch.py", "system/test_launch.py",
+    "flea_sim_driver/test_daq_node.py", "nodes/recording/test_player.py",
+    "system/test_fleet_launch.py", "system/test_launch.py",
     "system/test_live_run.py", "system/test_security.py", "system/test_shipped_mappings.py",
     "web/test_web_page.py",
 )  # fmt: skip
