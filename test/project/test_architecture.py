@@ -226,7 +226,7 @@ ARROWS = {
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
-        "evidence": ("observer", "stream"),
+        "evidence": ("baselines", "observer", "stream"),
     },
     "flea_diag.wire": {
         "": (),

@@ -180,7 +180,8 @@ class FaultEvidence:
         """Evidence of every model and of another unit."""
         h, ones = self._h, np.ones(len(self._own))
         widths = self._alone, self._own.shape[-1]
-        left = np.minimum(*(self._left(self._sums(ones, width), width) for width in widths))
+        plain = [self._sums(ones, width) for width in widths]
+        left = np.minimum(*map(self._left, plain, widths))
         misfit = left.min(axis=1)
         scale = 1.0 / np.maximum(misfit, 1.0)
         alone, both = (self._sums(scale, width) for width in widths)
@@ -188,7 +189,7 @@ class FaultEvidence:
         found = posterior(alone, h.signatures.prior)
         return OnsetWeighed(
             h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both),
-            found.size, found.sigma, left, self._shown(), self._count.copy(),
+            found.size, found.sigma, left, self._shown(plain[0].own), self._count.copy(),
         )  # fmt: skip
 
     def _left(self, sums: Sums, count: int) -> Array:
@@ -200,9 +201,8 @@ class FaultEvidence:
         square += np.einsum("ma,rmab,mb->rm", theta, self._gram, theta)
         return np.asarray(square / np.maximum(self._count, 1.0)[:, None])
 
-    def _shown(self) -> Array:
+    def _shown(self, own: Array) -> Array:
         """The same of no fault."""
-        own = self._sums(np.ones(len(self._own)), self._alone).own
         eta = np.linalg.solve(np.eye(len(own) - 1) + own[1:, 1:], own[1:, 0])
         whole = np.concatenate(([1.0], -eta))
         square = np.einsum("i,rij,j->r", whole, self._own[:, : self._alone, : self._alone], whole)

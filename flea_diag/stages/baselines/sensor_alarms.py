@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -35,7 +35,7 @@ STEP = "step"
 class SensorAlarms:
     """Which tests of which sensors have responded, and in which direction."""
 
-    def __init__(self, tests: Sequence[str], faults: Mapping[str, Fault]) -> None:
+    def __init__(self, tests: Collection[str], faults: Mapping[str, Fault]) -> None:
         self._tests, self._faults = frozenset(tests), faults
         self._seen: dict[tuple[str, str], str] = {}
 

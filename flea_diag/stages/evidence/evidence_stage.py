@@ -159,14 +159,13 @@ class EvidenceStage:
             closed = Detection(stamp_ns, number, False, "", 0.0, limit, ANOTHER_UNIT)
             return (closed, *self._quiet(stamp_ns))
         self._group.take(self._gains(weighed), change.evidence.windows)
-        said = self._verdict.of_group(
-            stamp_ns, self._opened, self._group, weighed, self._sensors.words
-        )
-        new = said.outcome, tuple(member.fault for member in said.members)
+        what = self._opened, self._group, weighed, self._sensors.words
+        decided = self._verdict.decided(*what)
+        new = decided[0], tuple(self._group.shares)
         if new == self._said:
             return ()
         self._said = new
-        return (said,)
+        return (self._verdict.of_group(stamp_ns, decided, *what),)
 
     def _gains(self, weighed: OnsetWeighed) -> dict[str, float]:
         """Nats of each fault, none that the tests of single sensors exclude."""

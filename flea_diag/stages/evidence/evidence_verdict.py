@@ -61,11 +61,23 @@ class EvidenceVerdict:
         """What is said while no episode is open."""
         return self._group(stamp_ns, outcome, words, (), (), OpenedBy(0, NEVER_NS, "", 0.0))
 
+    def decided(
+        self, opened: OpenedBy, group: EvidenceGroup, weighed: OnsetWeighed, by_sensors: str
+    ) -> tuple[Outcome, str]:
+        """Outcome and its words; ``by_sensors``: what tests of single sensors have shown."""
+        names = ", ".join(group.shares)
+        why = "" if by_sensors else self._unexplained(group, weighed, opened.limit)
+        if why:
+            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation: {why}"
+        if len(group.shares) == 1:
+            return Outcome.ISOLATED, f"the fault is {names}"
+        return Outcome.INDISTINGUISHABLE, f"one of {names}"
+
     def of_group(
-        self, stamp_ns: int, opened: OpenedBy, group: EvidenceGroup, weighed: OnsetWeighed,
-        by_sensors: str,
+        self, stamp_ns: int, decided: tuple[Outcome, str], opened: OpenedBy, group: EvidenceGroup,
+        weighed: OnsetWeighed, by_sensors: str,
     ) -> AmbiguityGroup:  # fmt: skip
-        """Members by their share; ``by_sensors``: what tests of single sensors have shown."""
+        """Members by their share."""
         members = tuple(
             self._candidate(fault, share, weighed, by_sensors)
             for fault, share in group.shares.items()
@@ -75,15 +87,7 @@ class EvidenceVerdict:
                       f"{share:.2g}")
             for fault, share in group.dropped.items()
         )  # fmt: skip
-        names = ", ".join(group.shares)
-        why = "" if by_sensors else self._unexplained(group, weighed, opened.limit)
-        if why:
-            outcome, words = Outcome.UNEXPLAINED, f"none of {names} explains the deviation: {why}"
-        elif len(members) == 1:
-            outcome, words = Outcome.ISOLATED, f"the fault is {names}"
-        else:
-            outcome, words = Outcome.INDISTINGUISHABLE, f"one of {names}"
-        return self._group(stamp_ns, outcome, words, members, dropped, opened)
+        return self._group(stamp_ns, *decided, members, dropped, opened)
 
     def _unexplained(self, group: EvidenceGroup, weighed: OnsetWeighed, limit: float) -> str:
         """What the most likely fault leaves, if none that is left fits."""

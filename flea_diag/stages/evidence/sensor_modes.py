@@ -27,10 +27,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES, OWN_TESTS
+from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES
+from flea_diag.stages.baselines.sensor_alarms import STEP, SensorAlarms
 from flea_diag.wire.blocks import ResidualBlock
 
-STEP = "step"
 SHOWN_S = 1.0
 """Time after the first response in which a test of the same sensor shows what it is."""
 MOVED_S = 0.5
@@ -66,43 +66,19 @@ class SensorKnowledge:
     period_s: float
 
 
-class SensorModes:
-    """Which tests of which sensors have responded, and which way; constant memory."""
+class SensorModes(SensorAlarms):
+    """Which tests of which sensors have responded, and the modes that fit; constant memory."""
 
     def __init__(self, knowledge: SensorKnowledge) -> None:
+        super().__init__(knowledge.tests, knowledge.faults)
         self._k = knowledge
-        self._seen: dict[tuple[str, str], str] = {}
         self._scans = 0
         self._moved = dict.fromkeys(knowledge.motion, 0)
 
-    def __bool__(self) -> bool:
-        """Whether any has responded."""
-        return bool(self._seen)
-
-    @property
-    def faults(self) -> frozenset[str]:
-        """Faults that such a test defines."""
-        return frozenset(name for name, f in self._k.faults.items() if f.mode in DEFINED_BY)
-
-    @property
-    def words(self) -> str:
-        """Channels and tests."""
-        return ", ".join(f"{channel}: {test}{sign}" for (channel, test), sign in self._seen.items())
-
     def take(self, block: ResidualBlock, scans: slice) -> int:
         """Look at some scans of a block: the first of the block beyond a limit, or its length."""
-        first = len(block)
-        z, limits = block.z[scans], block.thresholds[scans]
-        beyond = np.abs(z) > limits
-        for column in np.flatnonzero(beyond.any(axis=0)).tolist():
-            name = block.names[column]
-            if name in self._k.tests:
-                channel, _, test = name.rpartition("_")
-                key = (channel, test) if test in OWN_TESTS else (name, STEP)
-                at = int(beyond[:, column].argmax())
-                first, value = min(first, scans.start + at), z[at, column]
-                self._seen.setdefault(key, "+" if value > 0.0 else "-")
-        if self._seen:
+        first = super().take(block, scans)
+        if self:
             since = scans.start if self._scans else min(first, scans.stop)
             self._follow(block, slice(since, scans.stop))
         return first
@@ -115,14 +91,9 @@ class SensorModes:
             self._moved[channel] += int((np.abs(speed) > motion.slow).sum())
 
     def possible(self) -> tuple[str, ...]:
-        """Faults that fit what has responded, all of it if any does."""
-        faults = self._k.faults
-        counts = {name: sum(self._fits(f, *seen) for seen in self._seen.items())
-                  for name, f in faults.items()}  # fmt: skip
-        most = max(counts.values(), default=0)
-        fitting = [name for name, count in counts.items() if count == most > 0]
-        shown = [name for name in fitting if self._shows(faults[name])]
-        return tuple(shown or fitting)
+        """Faults that fit what has responded, and have shown what defines them."""
+        fitting = self.allowed()
+        return tuple(name for name in fitting if self._shows(self._k.faults[name])) or fitting
 
     def _shows(self, fault: Fault) -> bool:
         """Whether a fault has shown what defines it, or has not had the time to."""
@@ -133,11 +104,8 @@ class SensorModes:
             return True
         return any(self._seen.get((fault.channel, test)) == sign for test, sign in defining)
 
-    @staticmethod
-    def _fits(fault: Fault, where: tuple[str, str], sign: str) -> bool:
-        channel, test = where
-        if fault.channel != channel:
-            return False
-        if test == STEP:
-            return fault.mode in JUMP_MODES
-        return OWN_TESTS[test].get(fault.mode, "0") in (sign, "*")
+    def _fits(self, fault: Fault, where: tuple[str, str], sign: str) -> bool:
+        """A step fits any mode that steps: its own test may still be to come."""
+        if where[1] == STEP:
+            return fault.channel == where[0] and fault.mode in JUMP_MODES
+        return super()._fits(fault, where, sign)
