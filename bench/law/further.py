@@ -50,10 +50,10 @@ from law import score
 from law.recordings import calibrated_on, design_of
 from law.score import BEYOND, ERRORS, RATE, STEPS, Stand, half
 
-UNITS = (90181, 90182, 90183)
-"""Seeds of the units and of their noise."""
-ORDERS_SEED, ORDERS = 90184, 20
-REPEATED = 4
+UNITS = (90191, 90192, 90193)
+"""Seeds of the units and of their noise; 90181 to 90183 were those of the law before."""
+ORDERS_SEED, ORDERS = 90194, 20
+REPEATED = 5
 """Recordings of each scenario of the one simulated FLEA, with seeds from ``UNITS[0]`` on."""
 MACHINES = ("ema", "wing", "joint")
 COUNTS = (4, 8, 16, 28)
@@ -66,7 +66,9 @@ def simulated(folder: Path, machine: str, seeds: tuple[int, ...], one_unit: bool
     scenarios = Path(__file__).parents[2] / "config" / "scenarios"
     own = scenarios if machine == "flea" else scenarios / machine
     made = []
-    for scenario in sorted(file.stem for file in own.glob("nominal*.yaml")):
+    # The stand itself reads its voltage in another way than its simulation does.
+    names = {file.stem for file in own.glob("nominal*.yaml")} - {"nominal_flea"}
+    for scenario in sorted(names):
         for seed in seeds:
             bag = folder / f"{machine}_{scenario}_{seed}"
             unit = ["--unit-seed", str(seeds[0])] if one_unit else []

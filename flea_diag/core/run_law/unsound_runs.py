@@ -80,6 +80,8 @@ class UnsoundRun:
         factor and 1.
     nats
         Log of the posterior odds.
+    shown
+        Everything that would be a defect by itself: what is best differs by the noise of each.
     """
 
     place: int
@@ -88,6 +90,7 @@ class UnsoundRun:
     size: float
     usual: float
     nats: float
+    shown: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +167,9 @@ def sound_runs(of: Candidates) -> RunsJudged:
 def _of_every_unit(of: Candidates, unsound: Sequence[UnsoundRun]) -> Flags:
     """Recordings whose defect a recording of every unit has."""
     shared, units = np.zeros(len(of.sums), dtype=bool), len(np.unique(of.groups))
-    for what in {found.what for found in unsound} if units >= LEAST_UNITS else ():
-        places = [found.place for found in unsound if found.what == what]
-        shared[places] = len(np.unique(of.groups[places])) == units
+    for what in {w for found in unsound for w in found.shown} if units >= LEAST_UNITS else ():
+        places = [found.place for found in unsound if what in found.shown]
+        shared[places] |= len(np.unique(of.groups[places])) == units
     return shared
 
 
@@ -317,8 +320,10 @@ def _defect(
     many = _unit(of, k, law)
     found.append(replace(best, kind=MANY, nats=many))
     best = max(best, found[-1], key=lambda each: each.nats)
-    odds = float(np.logaddexp.reduce([each.nats for each in found]) + np.log(SHARE / len(found)))
-    return replace(best, nats=odds)
+    prior = np.log(SHARE / len(found))
+    shown = tuple(each.what for each in found[:-1] if each.nats + prior > 0.0)
+    odds = float(np.logaddexp.reduce([each.nats for each in found]) + prior)
+    return replace(best, nats=odds, shown=shown)
 
 
 def _directions(
@@ -359,4 +364,4 @@ def _noises(of: Candidates, k: int, sound: Flags) -> Iterator[UnsoundRun]:
         nats = 0.5 * (apart / spread) ** 2 - np.log(BROAD * len(of.relations) / SHARE)
         if apart > 0.0 and nats > 0.0:
             factor = float(np.exp(0.5 * apart))
-            yield UnsoundRun(k, name, NOISE, factor, 1.0, float(nats))
+            yield UnsoundRun(k, name, NOISE, factor, 1.0, float(nats), (name,))
