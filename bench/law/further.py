@@ -14,11 +14,12 @@
 
 """Score of the law of healthy recordings beyond the FLEA's orders, with seeds that are fixed here.
 
-python bench/law/further.py [--part machines] [--part simulated] [--part loads] [--part before]
-    [--part many] [--json FILE]
+python bench/law/further.py [--part machines] [--part cranfield] [--part simulated] [--part loads]
+    [--part before] [--part many] [--json FILE]
 
 machines: fresh simulated units of ema, wing and joint, three of each, every healthy scenario once:
     standardised means of left-out recordings, and sound ones that are named unsound.
+cranfield: the same of the normal tests of that stand.
 simulated: laws of more and more simulated recordings of one FLEA, in 20 random orders.
 loads: laws of the FLEA's recordings under small loads, and of all: sizes in what was covered first.
 before: errors put into left-out recordings from their start: the size from which half of them are
@@ -29,6 +30,7 @@ many: time and memory that the law of 29 and of 500 recordings takes.
 from __future__ import annotations
 
 import math
+import os
 import resource
 import sys
 import time
@@ -52,27 +54,28 @@ from law.score import BEYOND, ERRORS, RATE, STEPS, Stand, half
 
 UNITS = (90191, 90192, 90193)
 """Seeds of the units and of their noise; 90181 to 90183 were those of the law before."""
-ORDERS_SEED, ORDERS = 90194, 20
+UNIT, ORDERS_SEED, ORDERS = 90201, 90194, 20
 REPEATED = 5
-"""Recordings of each scenario of the one simulated FLEA, with seeds from ``UNITS[0]`` on."""
+"""Recordings of each scenario of the one simulated FLEA, each with a seed of its own from ``UNIT``
+on: with one seed six motions began with the same error of their thermocouples."""
 MACHINES = ("ema", "wing", "joint")
-COUNTS = (4, 8, 16, 28)
+COUNTS = (4, 8, 16, 30)
 SMALL_LOADS = "345"
 """Last digit of the motion in the FLEA's names: a mean load within 45 N."""
 
 
-def simulated(folder: Path, machine: str, seeds: tuple[int, ...], one_unit: bool) -> list[Path]:
-    """Bags of every healthy scenario of a machine with each seed."""
+def simulated(folder: Path, machine: str, seeds: tuple[int, ...], unit: int = 0) -> list[Path]:
+    """Bags of every healthy scenario of a machine with each seed, of one unit where it is given."""
     scenarios = Path(__file__).parents[2] / "config" / "scenarios"
     own = scenarios if machine == "flea" else scenarios / machine
     made = []
     # The stand itself reads its voltage in another way than its simulation does.
     names = {file.stem for file in own.glob("nominal*.yaml")} - {"nominal_flea"}
-    for scenario in sorted(names):
-        for seed in seeds:
+    for number, scenario in enumerate(sorted(names)):
+        for seed in (each + number * len(seeds) if unit else each for each in seeds):
             bag = folder / f"{machine}_{scenario}_{seed}"
-            unit = ["--unit-seed", str(seeds[0])] if one_unit else []
-            told = [scenario, "--machine", machine, "--seed", str(seed), *unit, "--no-vibration"]
+            of = ["--unit-seed", str(unit)] if unit else []
+            told = [scenario, "--machine", machine, "--seed", str(seed), *of, "--no-vibration"]
             if flea(["simulate", *told, "-o", str(bag)]):
                 raise SystemExit(f"{bag.name}: not simulated")
             made.append(bag)
@@ -82,24 +85,42 @@ def simulated(folder: Path, machine: str, seeds: tuple[int, ...], one_unit: bool
 def machines(folder: Path) -> Iterator[Figure]:
     """Fresh units of other makes."""
     for machine in MACHINES:
-        recordings, calibration = calibrated_on(simulated(folder, machine, UNITS, False), machine)
-        design = design_of(calibration, machine)
-        fit = design.learned(design.windows(recordings))
-        for row in (*fit.unsound, *fit.contradicting, *fit.of_motion):
-            print(f"  {recordings[row.place].run.name}: {row.kind} {row.what} {row.nats:.1f} nats")
-        yield share(f"{machine}: a sound one is named unsound", len(fit.unsound), len(recordings))
-        kept = (*fit.contradicting, *fit.of_motion)
-        yield share(f"{machine}: contradicts, kept", len(kept), len(recordings))
-        found = fit.law.score
-        yield Figure(f"{machine}: standardised means of left-out recordings", found.spread, "1",
-                     found.means)  # fmt: skip
-        yield Figure(f"{machine}: of them beyond 2", 100.0 * found.beyond_two, "%", found.means)
+        yield from left_out(simulated(folder, machine, UNITS), machine)
+
+
+def cranfield(folder: Path) -> Iterator[Figure]:
+    """The normal tests of another stand."""
+    file = Path(os.environ.get("FLEA_DATA_DIR", "../shared/data"), "cranfield", "normal.csv.gz")
+    bags = folder / "cranfield"
+    if flea(["import", "--stand", "cranfield", str(file), "-o", str(bags)]):
+        raise SystemExit(f"{file}: not imported")
+    yield from left_out(sorted(bags.iterdir()), "cranfield")
+
+
+def left_out(bags: list[Path], stand: str) -> Iterator[Figure]:
+    """Sound recordings that are named unsound, and the score of the law."""
+    recordings, calibration = calibrated_on(bags, stand)
+    design = design_of(calibration, stand)
+    fit = design.learned(design.windows(recordings))
+    for row in (*fit.unsound, *fit.contradicting, *fit.of_motion):
+        print(f"  {recordings[row.place].run.name}: {row.kind} {row.what} {row.nats:.1f} nats")
+    yield share(f"{stand}: a sound one is named unsound", len(fit.unsound), len(recordings))
+    kept = (*fit.contradicting, *fit.of_motion)
+    yield share(f"{stand}: contradicts, kept", len(kept), len(recordings))
+    found = fit.law.score
+    yield Figure(f"{stand}: standardised means of left-out recordings", found.spread, "1",
+                 found.means)  # fmt: skip
+    yield Figure(f"{stand}: of them beyond 2", 100.0 * found.beyond_two, "%", found.means)
+    yield Figure(f"{stand}: left-out log score, the law", found.log_score, "nats a value",
+                 found.means)  # fmt: skip
+    yield Figure(f"{stand}: left-out log score, noise that holds everything", found.separate,
+                 "nats a value", found.means)  # fmt: skip
 
 
 def growing(folder: Path) -> Iterator[Figure]:
     """More and more recordings of one simulated FLEA."""
-    seeds = tuple(range(UNITS[0], UNITS[0] + REPEATED))
-    recordings, calibration = calibrated_on(simulated(folder, "flea", seeds, True))
+    seeds = tuple(range(UNIT, UNIT + REPEATED))
+    recordings, calibration = calibrated_on(simulated(folder, "flea", seeds, UNIT))
     stand = Stand(recordings, calibration)
     yield from score.growing(stand, ORDERS_SEED, ORDERS, COUNTS, "simulated, ")
 
@@ -166,15 +187,16 @@ def many(stand: Stand) -> Iterator[Figure]:
 def main() -> int:
     """Run and print."""
     parser = bench_parser(__doc__)
-    names = ("machines", "simulated", "loads", "before", "many")
+    names = ("machines", "cranfield", "simulated", "loads", "before", "many")
     parser.add_argument("--part", action="append", choices=names)
     arguments = parser.parse_args()
     figures: list[Figure] = []
     with TemporaryDirectory() as folder:
         parts = arguments.part or names
-        stand = Stand.real(Path(folder, "bags")) if {*parts} & {*names[2:]} else None
+        stand = Stand.real(Path(folder, "bags")) if {*parts} & {*names[3:]} else None
         runs = {
             "machines": lambda: machines(Path(folder)),
+            "cranfield": lambda: cranfield(Path(folder)),
             "simulated": lambda: growing(Path(folder)),
             "loads": lambda: loads(stand),
             "before": lambda: before(stand),
