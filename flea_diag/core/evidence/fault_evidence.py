@@ -185,12 +185,27 @@ class FaultEvidence:
         misfit = left.min(axis=1)
         scale = 1.0 / np.maximum(misfit, 1.0)
         alone, both = (self._sums(scale, width) for width in widths)
-        unit = other_unit(both.own, self._alone)
+        faults = h.evidence(alone)
+        unit = self._unit(both.own, faults)
         found = posterior(alone, h.signatures.prior)
         return OnsetWeighed(
-            h.evidence(alone), h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both),
+            faults, h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both),
             found.size, found.sigma, left, self._shown(plain[0].own), self._count.copy(),
         )  # fmt: skip
+
+    def _unit(self, own: Array, faults: Array) -> float:
+        """Log evidence of another unit over nothing, nats.
+
+        It may stand in another room; but a room that is all that has changed is an error of its
+        thermometer. So the room adds what such an error explains, no more.
+        """
+        h, alone = self._h, self._alone
+        unit = other_unit(own, alone)
+        if not (h.room.any() and h.room_models.any()):
+            return unit
+        kept = np.concatenate((np.ones(alone, dtype=bool), h.room))
+        room = other_unit(own[np.ix_(kept, kept)], alone)
+        return unit - room + max(float(faults[h.room_models].max()), 0.0)
 
     def _left(self, sums: Sums, count: int) -> Array:
         """Mean square that the models leave in each relation, shape (relations, models)."""

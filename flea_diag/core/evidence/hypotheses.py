@@ -58,6 +58,10 @@ class StreamHypotheses:
         What this recording differs by for each of eta, shape (columns, columns).
     unit
         Columns that another unit has anew, and by how much, shape (columns, differences).
+    room
+        Which of these are of the room that it stands in, shape (differences,).
+    room_models
+        Models that enter a relation of the room, as an error of its thermometer does, (models,).
     feigned
         Sizes that healthy recordings feign.
     memory_s
@@ -70,6 +74,8 @@ class StreamHypotheses:
     mean: Array
     root: Array
     unit: Array
+    room: npt.NDArray[np.bool_]
+    room_models: npt.NDArray[np.bool_]
     feigned: SizePrior
     memory_s: float
 
@@ -83,7 +89,7 @@ class StreamHypotheses:
         ``rooms``: relations that hold nothing of a unit.
         """
         spread = law.spread(another)
-        variance = unit_variance(law, columns, rooms)
+        variance = unit_variance(law, columns)
         total = np.diag(spread.variance + (variance if another else 0.0)) + spread.covariance
         total += np.diag(np.maximum(session_variance(columns) - np.diag(total), 0.0))
         values, vectors = np.linalg.eigh(total)
@@ -91,8 +97,12 @@ class StreamHypotheses:
         unit = np.zeros((len(variance), len(acts)))
         unit[acts, np.arange(len(acts))] = np.sqrt(variance[acts])
         root = vectors * np.sqrt(np.maximum(values, 0.0))
+        of_room = np.array([name in rooms for name in columns.relations])
+        room = ~(columns.design[~of_room] != 0.0).any(axis=(0, 1))
+        entered = (signatures.design[of_room] != 0.0).any(axis=(0, 1))
         return cls(
-            signatures, columns, law.law_noise, spread.mean, root, unit, _feigned(law, signatures),
+            signatures, columns, law.law_noise, spread.mean, root, unit, room[acts],
+            entered.reshape(signatures.shape).any(axis=1), _feigned(law, signatures),
             law.time_constant_s,
         )  # fmt: skip
 
@@ -163,18 +173,14 @@ def session_variance(columns: LawColumns) -> Array:
     return np.array([c.tolerance**2 if c.kind == FREE else 0.0 for c in columns.columns])
 
 
-def unit_variance(law: RunLaw, columns: LawColumns, rooms: Collection[str] = ()) -> Array:
+def unit_variance(law: RunLaw, columns: LawColumns) -> Array:
     """What another unit draws anew: parameters, zeros of its sensors, temperatures of its parts.
 
-    It stands in the same room: what enters only the relations of ``rooms`` stays. Its sensors are
-    other ones, on other channels: their zeros differ by the tolerance of the description, whatever
-    units on one channel have shown.
+    Its sensors are other ones, on other channels: their zeros differ by the tolerance of the
+    description, whatever units on one channel have shown.
     """
     warm = [
         OTHER_UNIT_K**2 if t.kind == NEGLECTED and t.name.endswith("_temperature: one") else 0.0
         for t in law.terms
     ]
-    of_unit = [name not in rooms for name in columns.relations]
-    stays = ~(columns.design[of_unit] != 0.0).any(axis=(0, 1))
-    variance = np.maximum(law.unit_variance, np.maximum(session_variance(columns), warm))
-    return np.where(stays, 0.0, variance)
+    return np.maximum(law.unit_variance, np.maximum(session_variance(columns), warm))
