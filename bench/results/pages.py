@@ -110,7 +110,10 @@ PAGES = (
         "([Method](../method.md#3-calibration)): a first proof offline on the FLEA's recordings "
         "and on simulated switches of the unit, and its score by seeds that were fixed before. "
         "It is learned and reported; no decision rests on it yet.",
-        ("step_0", "law_growing", "law_spoilt", "law_further", "law_machines", "law_sizes", "law_score"),
+        (
+            "step_0", "law_growing", "law_spoilt", "law_further", "law_machines", "law_sizes",
+            "law_score",
+        ),
     ),
     ResultPage(
         "evidence",

@@ -72,7 +72,10 @@ def _walked(name: str, walk: Walk, seeds: range, verdicts: DialectVerdicts) -> l
                 bad = sum(bool(each.wrong) for each in found)
                 print(f"{name:6s} {len(found)} of {len(seeds)}: {bad} wrong", flush=True)
     bad, refused = sum(bool(e.wrong) for e in found), sum(e.status != 0 for e in found)
-    print(f"{name:6s} n = {len(found)}: {bad} wrong, {refused} refused in one line", flush=True)
+    print(f"{name:6s} n = {len(found)}: {bad} wrong, {refused} refused in one line, "
+          f"{len(verdicts.without)} too slow to calibrate by, in the unit that was taken, "
+          f"{len(verdicts.otherwise)} that lack readings told otherwise and rightly",
+          flush=True)  # fmt: skip
     return found
 
 

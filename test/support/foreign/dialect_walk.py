@@ -29,7 +29,7 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
 from flea_diag.tools.recordings.mapped_source import mapped_recordings
 from support.foreign.bag_dialects import bag_of, drawn_bag, plain_bag
-from support.foreign.dialect_verdicts import DialectVerdicts, Writer, drawn_motion
+from support.foreign.dialect_verdicts import LOSING, DialectVerdicts, Writer, drawn_motion
 from support.foreign.table_dialects import Motion, drawn_dialect, plain, written
 
 KEYS = ("unit", "sign", "scale")
@@ -61,7 +61,9 @@ def walked_table(folder: Path, seed: int, verdicts: DialectVerdicts | None = Non
         return written(path, motion, plain(dialect), rng)
 
     clean, file = write(folder / "clean", motion), written(folder / "run", motion, dialect, rng)
-    return _judged(_walked(folder, clean, file, dialect.words), verdicts, clean, file, write)
+    walked = _walked(folder, clean, file, dialect.words)
+    sticks = motion.sticks if dialect.odd in LOSING else None
+    return _judged(walked, verdicts, clean, file, write, sticks)
 
 
 def walked_bag(folder: Path, seed: int, verdicts: DialectVerdicts | None = None) -> Walked:
@@ -75,17 +77,20 @@ def walked_bag(folder: Path, seed: int, verdicts: DialectVerdicts | None = None)
         return bag_of(path, motion, plain_bag(dialect), rng)
 
     clean, file = write(folder / "clean", motion), bag_of(folder / "run", motion, dialect, rng)
-    return _judged(_walked(folder, clean, file, dialect.words), verdicts, clean, file, write)
+    walked = _walked(folder, clean, file, dialect.words)
+    sticks = motion.sticks if dialect.odd in LOSING else None
+    return _judged(walked, verdicts, clean, file, write, sticks)
 
 
 def _judged(
-    walked: Walked, verdicts: DialectVerdicts | None, clean: Path, file: Path, write: Writer
-) -> Walked:
+    walked: Walked, verdicts: DialectVerdicts | None, clean: Path, file: Path, write: Writer,
+    sticks: bool | None,
+) -> Walked:  # fmt: skip
     """The same, held against the verdict on the plain recording where all else is right."""
     if verdicts is None or walked.wrong or walked.status:
         return walked
     stands = file.parent / "expected", file.parent / "mine"
-    return replace(walked, wrong=verdicts.differ(stands[0], clean, stands[1], file, write))
+    return replace(walked, wrong=verdicts.differ(stands[0], clean, stands[1], file, write, sticks))
 
 
 def _walked(folder: Path, clean: Path, file: Path, words: str) -> Walked:

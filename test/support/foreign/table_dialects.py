@@ -71,6 +71,8 @@ class Motion:
     current: Array
     speed: Array
     position: Array
+    sticks: bool = False
+    """Whether its friction rises halfway."""
 
     @classmethod
     def drawn(
