@@ -144,9 +144,15 @@ def spoken(state: OperatorState, now_ns: int) -> str:
     """Verdict, what to do, and alarms, for those who hear the page; nothing that ticks."""
     if state.group is None:
         return said(state, now_ns)
-    ringing = state.ringing
-    alarms = tr(". {count} alarms not acknowledged", count=ringing) if ringing else ""
+    alarms = f". {ringing_text(state.ringing)}" if state.ringing else ""
     return f"{said(state, now_ns)}{in_a_line(state)}{alarms}"
+
+
+def ringing_text(count: int) -> str:
+    """How many alarms nobody has acknowledged; "" if there are none."""
+    if count == 1:
+        return tr("one alarm not acknowledged")
+    return tr("{count} alarms not acknowledged", count=count) if count else ""
 
 
 def in_a_line(state: OperatorState) -> str:

@@ -76,7 +76,12 @@ def _windows(stamps: list[int]) -> Iterable[tuple[int, int]]:
 def rate_text(detected_ns: Iterable[int]) -> str:
     """The largest rate in a sentence, and the floods."""
     stamps = tuple(detected_ns)
-    most = tr("at most {most} alarms within 10 min", most=most_in_a_window(stamps))
+    count = most_in_a_window(stamps)
+    most = (
+        tr("at most one alarm within 10 min")
+        if count == 1
+        else tr("at most {most} alarms within 10 min", most=count)
+    )
     found = floods(stamps)
     if not found:
         return most

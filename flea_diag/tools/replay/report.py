@@ -75,7 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     alarms = sum(len(state.alarms) for state in states.values())
     marks = sum(len(state.marks) for state in states.values())
     content = {"report": str(target), "stands": {n: _content(s) for n, s in states.items()}}
-    tell(arguments.json, content, f"{target}: {alarms} alarms, {marks} marks")
+    counts = (alarms, "alarm"), (marks, "mark")
+    told = ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
+    tell(arguments.json, content, f"{target}: {told}")
     return 0
 
 

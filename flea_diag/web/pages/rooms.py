@@ -21,7 +21,7 @@ from typing import Protocol, TypeVar
 
 from nicegui import Client
 
-from flea_diag.operator.action_view import spoken
+from flea_diag.operator.action_view import ringing_text, spoken
 from flea_diag.operator.words import tr
 from flea_diag.web.answer import unacknowledged
 from flea_diag.web.hall_panels import HallView
@@ -210,8 +210,7 @@ class HallRoom:
         rings = self._ringing()
         for page in _connected(self._pages):
             with page.client:
-                said = tr("{count} alarms not acknowledged", count=rings) if rings else ""
-                page.beat(rings, said)
+                page.beat(rings, ringing_text(rings))
                 page.fill(self._view)
 
     def _draw(self) -> None:
