@@ -68,6 +68,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
 }
 """Last word of a column -> limits of its sensor, far beyond observed spikes."""
 
+_BOUNDS = tuple(LIMITS[column.rpartition(" ")[2]][:2] for column in COLUMNS)
+
 FILE_LIMIT_BYTES = 32 << 20
 LINE_LIMIT_BYTES = 1024
 BAD_LINES_LIMIT = 0.05
@@ -151,11 +153,24 @@ def _read_line(line: bytes, cut: bool) -> tuple[int, list[float]]:
     if cut and texts[-1] != "NaN" and _decimals(texts[-1]) < max(map(_decimals, texts)):
         # A truncated number still parses; it is recognised by its missing digits.
         raise _LineError(f"the file ends within it: column {len(texts) + 1} = {shown(texts[-1])}")
-    return _stamp_ns(stamp), [_value(k, text) for k, text in enumerate(texts)]
+    return _stamp_ns(stamp), _row(texts)
 
 
 def _decimals(text: str) -> int:
     return len(text.partition(".")[2])
+
+
+def _row(texts: list[str]) -> list[float]:
+    """Values of a line; only where one is wrong are they read one by one, to name it."""
+    try:
+        row = list(map(float, texts))
+        if not any(
+            value < low or value > high for value, (low, high) in zip(row, _BOUNDS, strict=True)
+        ):
+            return row
+    except ValueError:
+        pass
+    return [_value(number, text) for number, text in enumerate(texts)]
 
 
 def _value(number: int, text: str) -> float:
