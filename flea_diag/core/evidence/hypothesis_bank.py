@@ -89,12 +89,18 @@ class HypothesisBank:
         later = self._white.step(np.concatenate((faults, unit), axis=-1), white.gain)
         self._sum(own, later * white.scale * weight)
 
-    def weighed(self) -> Weighed:
-        """Of every model and of another unit from every onset."""
+    def weighed(self, least: float = 0.0) -> Weighed:
+        """Of every model and of another unit from every onset.
+
+        What healthy recordings feign only takes away: it is weighed where a fault is beyond
+        ``least``.
+        """
         own, (models, sizes) = self.stream.sums, self._h.signatures.shape
         cross = self._cross.reshape(len(self.onsets), models, sizes, -1)
         sums = Sums(self._gram, cross, own)
-        faults = self._h.evidence(sums) - self._h.of_healthy(sums)
+        faults = self._h.evidence(sums)
+        if faults.max() > least:
+            faults = faults - self._h.of_healthy(sums)
         return Weighed(faults, self._unit_evidence())
 
     def _unit_evidence(self) -> Array:

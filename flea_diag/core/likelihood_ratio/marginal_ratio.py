@@ -26,6 +26,7 @@ several sizes the share within the bounds is taken size by size, as if they were
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -128,11 +129,18 @@ def _solved(A: Array, b: Array, prior: SizePrior) -> tuple[Array, Array, Array, 
 
 def _cut(mean: Array, covariance: Array, prior: SizePrior) -> Array:
     """Log of the share within the bounds, after the data less before them."""
-    sigma = np.where(prior.sigma > 0.0, prior.sigma, 1.0)
-    low, high = (prior.low - prior.mean) / sigma, (prior.high - prior.mean) / sigma
+    low, high, before = _bounds(prior)
     errors = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
     after = _share((low - mean) / errors, (high - mean) / errors)
-    return np.asarray((after - _share(low, high)).sum(axis=-1))
+    return np.asarray((after - before).sum(axis=-1))
+
+
+@lru_cache(maxsize=16)
+def _bounds(prior: SizePrior) -> tuple[Array, Array, Array]:
+    """Bounds in prior standard deviations from the mean, and the log share within them."""
+    sigma = np.where(prior.sigma > 0.0, prior.sigma, 1.0)
+    low, high = (prior.low - prior.mean) / sigma, (prior.high - prior.mean) / sigma
+    return low, high, _share(low, high)
 
 
 def _share(low: Array, high: Array) -> Array:

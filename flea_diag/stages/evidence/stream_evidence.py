@@ -101,7 +101,7 @@ class StreamEvidence:
 
     def _change(self) -> StreamChange | None:
         """The onset of the most likely change, where one is beyond its limit."""
-        faults, unit = self._bank.weighed()
+        faults, unit = self._bank.weighed(min(self._limits))
         faults = np.where(self._judged, faults, -np.inf)
         at_start = (self._bank.onsets == 0) & (self._begun == 0)
         limits = np.where(at_start, self._limits.before, self._limits.onset)

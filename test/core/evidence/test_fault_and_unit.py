@@ -51,8 +51,8 @@ def columns() -> LawColumns:
     return LawColumns(RELATIONS, entries, design, 1)
 
 
-def hypotheses() -> StreamHypotheses:
-    return StreamHypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW))
+def hypotheses(*rooms: str) -> StreamHypotheses:
+    return StreamHypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW), rooms=rooms)
 
 
 def windows(values: np.ndarray) -> list[LawWindow]:
@@ -146,6 +146,22 @@ def test_a_step_is_found_at_its_onset_and_what_smoothing_leaves_of_one_is_not() 
     right = FaultEvidence(hypotheses(), 100, windows(stepped)).weighed()
     assert right.every[0] > max(right.every[1:]) + 3.5
     assert FaultEvidence(hypotheses(), 100, windows(spiked)).weighed().every.max() < 5.0
+
+
+def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_changed() -> None:
+    warmer, other = drawn(60, seed=5), drawn(60, seed=5)
+    warmer[20:, 0] += 1.5
+    friction = 1.5 * np.sin(0.4 * np.arange(20, 60))
+    other[20:] += np.column_stack((1.5 + 0.5 * friction, -0.4 * friction))
+    # A zero of the first relation is what a room differs by, its bias an error of a thermometer.
+    of_room, of_unit = hypotheses("first"), hypotheses()
+    lone, both = (
+        FaultEvidence(of_room, 20, windows(values)).weighed() for values in (warmer, other)
+    )
+    assert lone.unit < lone.alone[0]
+    assert both.unit > both.alone.max() + 3.5
+    found = FaultEvidence(of_unit, 20, windows(warmer)).weighed()
+    assert found.unit > lone.unit
 
 
 def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
