@@ -48,6 +48,7 @@ from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
     ChannelTable,
+    Outcome,
     Record,
     Scan,
 )
@@ -80,6 +81,9 @@ SIGHT_S = 60.0
 ROWS = """[...document.querySelectorAll('#panel-episodes [data-is]')].map(
   (e) => e.closest('tr').innerText)"""
 TIME = re.compile(r"\d\d:\d\d:\d\d")
+OUTCOME = re.compile(rf"\b({'|'.join(Outcome)})\b")
+LOOK_S = 0.2
+"""Period at which the page is looked at until it has caught up."""
 
 
 @dataclass
@@ -372,6 +376,7 @@ class Shift:
             rows = sorted(_row(text) for text in self._browser.run(ROWS))
             if rows == sorted(wanted) or time.monotonic() > until_s:
                 return rows
+            threading.Event().wait(LOOK_S)
 
     def _report_rows(self) -> list[str]:
         report = shift_report({TITLE: self._page.desk.state}, TITLE, time.time_ns())
@@ -412,7 +417,7 @@ def _facts(alarm: Alarm) -> str:
 def _row(text: str) -> str:
     """The same facts, read from the words of a row of the page or of the report."""
     times = TIME.findall(text)
-    outcome = re.search(r"\b(ISOLATED|INDISTINGUISHABLE|UNEXPLAINED|DETECTED)\b", text)
+    outcome = OUTCOME.search(text)
     returned = re.search(r"returned (\d\d:\d\d:\d\d)", text)
     acknowledged = re.search(r"acknowledged (\d\d:\d\d:\d\d)", text) or _cell(text)
     comments = sorted(re.findall(r"seen, number \d+", text))
