@@ -25,24 +25,27 @@ they differ, a fault is not named or memory grows. Needs Chromium, like the test
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 os.environ.setdefault("PYTEST_CURRENT_TEST", Path(__file__).name)
 # NiceGUI lets several pages follow each other in a process for tests alone.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from summary import Figure, bench_parser, share, write_summary
 from support.browser import missing
 from support.screens.shift import Found, shift_of
 
 FLAT = {"server": 0.05, "page": 0.15}
 """Share by which mean memory may grow from the first half to the second, after the second fault."""
 SETTLED = 2
+ACCOUNTS = ("screen", "page", "report", "recording")
 
 
 def wrong(found: Found) -> list[str]:
@@ -59,11 +62,24 @@ def wrong(found: Found) -> list[str]:
     return words
 
 
+def figures(found: Found) -> Iterator[Figure]:
+    """What a shift showed; each look holds four accounts against the journal."""
+    named, looks = len(found.named), len(found.server_mb)
+    yield share("faults named", named, named + len(found.missed))
+    differ = {row.split(": ")[0] for row in found.differences}
+    yield share("journal against screen, page, report and recording: alike",
+                len(ACCOUNTS) * looks - len(differ), len(ACCOUNTS) * looks)  # fmt: skip
+    yield Figure("alarms without a fault", len(found.false_alarms), "", looks)
+    for what, sizes in (("server", found.server_mb), ("page", found.page_mb)):
+        later = sizes[SETTLED:]
+        mean = sum(later) / max(len(later), 1)
+        low, high = min(later, default=0.0), max(later, default=0.0)
+        yield Figure(f"memory of the {what}", mean, "MB", len(later), low, high)
+
+
 def main() -> int:
     """Run and print; the exit status."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = bench_parser(__doc__)
     parser.add_argument("--faults", type=int, default=12)
     given = parser.parse_args()
     if missing():
@@ -74,6 +90,7 @@ def main() -> int:
     print(json.dumps(asdict(found), indent=1))
     for words in wrong(found):
         print(words, file=sys.stderr)
+    write_summary("shift", figures(found), given.json)
     return int(bool(wrong(found)))
 
 

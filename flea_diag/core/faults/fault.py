@@ -94,6 +94,12 @@ class Fault:
     response: Response = UNSTATED
 
     @property
+    def deviation(self) -> str:
+        """The deviating parameters, or the sensor mode, with directions."""
+        groups = (", ".join(map(str, group)) for group in self.alternatives)
+        return " | ".join(groups) or "vibration only"
+
+    @property
     def incipient(self) -> bool:
         """Whether the fault grows from zero."""
         return self.onset == "incipient"

@@ -91,12 +91,6 @@ class Hypothesis:
         """Fault id."""
         return self.fault.name
 
-    @property
-    def deviation(self) -> str:
-        """The deviating parameters, or the sensor mode, with directions."""
-        groups = (", ".join(map(str, group)) for group in self.fault.alternatives)
-        return " | ".join(groups) or "vibration only"
-
     def add(self, check: ConsistencyCheck) -> None:
         """Record a check; the first contradiction drops the hypothesis for good."""
         self.checks.append(check)

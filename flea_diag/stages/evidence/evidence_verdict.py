@@ -83,8 +83,8 @@ class EvidenceVerdict:
             for fault, share in group.shares.items()
         )
         dropped = tuple(
-            Candidate(fault, self._deviation(fault), 0.0, f"its share of the evidence fell to "
-                      f"{share:.2g}")
+            Candidate(fault, self._k.faults[fault].deviation, 0.0,
+                      f"its share of the evidence fell to {share:.2g}")
             for fault, share in group.dropped.items()
         )  # fmt: skip
         return self._group(stamp_ns, *decided, members, dropped, opened)
@@ -133,17 +133,13 @@ class EvidenceVerdict:
             shows_from=self._k.shows_from,
         )
 
-    def _deviation(self, fault: str) -> str:
-        row = self._k.faults.get(fault)
-        return " | ".join(", ".join(map(str, each)) for each in row.alternatives) if row else ""
-
     def _candidate(
         self, fault: str, share: float, weighed: OnsetWeighed, by_sensors: str
     ) -> Candidate:
         """A member with its size by the model of it that fits best."""
         best = self._best(fault, weighed)
         if best is None:
-            return Candidate(fault, self._deviation(fault), share, by_sensors)
+            return Candidate(fault, self._k.faults[fault].deviation, share, by_sensors)
         words = f"{weighed.every[best]:.1f} nats over no fault"
         sizes = self._k.models[best].sizes
         # The first size that is not 0: a drag may be purely viscous.
@@ -151,6 +147,6 @@ class EvidenceVerdict:
         size, sigma = float(weighed.size[best, index]), float(weighed.sigma[best, index])
         why = f"{by_sensors}; {words}" if by_sensors else words
         return Candidate(
-            fault, self._deviation(fault), share, why, (), size, sigma,
+            fault, self._k.faults[fault].deviation, share, why, (), size, sigma,
             sizes[index].unit if sizes else "",
         )  # fmt: skip

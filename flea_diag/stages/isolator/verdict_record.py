@@ -283,7 +283,7 @@ def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidat
     size, sigma, unit = _size(hypothesis, models)
     return Candidate(
         hypothesis.name,
-        hypothesis.deviation,
+        hypothesis.fault.deviation,
         hypothesis.probability if not hypothesis.why_dropped else 0.0,
         hypothesis.why_dropped or "consistent with all evidence so far",
         tuple(

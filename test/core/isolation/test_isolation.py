@@ -126,8 +126,8 @@ def test_every_hypothesis_carries_the_evidence():
     jam = isolation.hypotheses["jam"]
     assert jam.checks[0].predicted
     assert jam.checks[0].path
-    assert "screw_coulomb_friction+" in jam.deviation
-    assert isolation.hypotheses["rotor_eccentricity"].deviation == "vibration only"
+    assert "screw_coulomb_friction+" in jam.fault.deviation
+    assert isolation.hypotheses["rotor_eccentricity"].fault.deviation == "vibration only"
     dropped = isolation.hypotheses["winding_open"]
     assert dropped.why_dropped.startswith("parity_mechanical_dn: ")
 
