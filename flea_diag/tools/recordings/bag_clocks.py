@@ -25,6 +25,8 @@ STILL = 0.5
 SCATTER, MORE = 0.1, 5.0
 """Scatter of steps, as a share of them, from which on stamps are held against times of receipt; and
 how much more regular these must be: nothing is received more evenly than it was sampled."""
+MOST_PLACES = 10
+"""Places by which messages may be recorded out of the order of their stamps."""
 MOST_APART_NS = 2_000_000_000
 """Difference of two topics' clocks from which on they are two clocks."""
 FEWEST = 10
@@ -32,24 +34,25 @@ FEWEST = 10
 
 def received_topics(
     stamps_ns: Mapping[str, Sequence[int]], logs_ns: Mapping[str, Sequence[int]]
-) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Topics whose times of receipt serve instead of their stamps, and why, a line each.
+) -> tuple[dict[str, list[int]], tuple[str, ...]]:
+    """Topics whose times of receipt serve instead of stamps, with these, and why, a line each.
 
     Parameters
     ----------
     stamps_ns, logs_ns
         Topic -> stamp and time of receipt of each message, in order of receipt.
     """
-    received, notes = set(), []
+    received: dict[str, list[int]] = {}
+    notes = []
     for topic, stamps in stamps_ns.items():
         steps = np.diff(np.asarray(stamps, dtype=np.int64))
         if len(steps) >= FEWEST and float(np.mean(steps == 0)) > STILL:
             moved = np.diff(np.asarray(logs_ns[topic], dtype=np.int64))
             if float(np.mean(moved == 0)) < STILL:
-                received.add(topic)
+                received[topic] = list(logs_ns[topic])
                 notes.append(f"{topic}: its stamps stand still: times of receipt are taken instead")
         elif _scatter_more(stamps, logs_ns[topic]):
-            received.add(topic)
+            received[topic] = _in_order(stamps, logs_ns[topic])
             notes.append(
                 f"{topic}: its stamps scatter more than its times of receipt, which are taken "
                 "instead"
@@ -66,8 +69,18 @@ def received_topics(
             f"stamps of its topics are of clocks {apart_s:.4g} s apart: times of receipt are taken "
             "for all"
         )
-        return frozenset(stamps_ns), tuple(notes)
-    return frozenset(received), tuple(notes)
+        return {topic: list(logs) for topic, logs in logs_ns.items()}, tuple(notes)
+    return received, tuple(notes)
+
+
+def _in_order(stamps: Sequence[int], logs: Sequence[int]) -> list[int]:
+    """Times of receipt, each for the message that its stamp says was sent then."""
+    order = np.argsort(np.asarray(stamps, dtype=np.int64), kind="stable")
+    if np.abs(order - np.arange(len(order))).max() > MOST_PLACES:
+        return list(logs)
+    times = np.empty(len(order), dtype=np.int64)
+    times[order] = np.sort(np.asarray(logs, dtype=np.int64))
+    return [int(each) for each in times]
 
 
 def _scatter_more(stamps: Sequence[int], logs: Sequence[int]) -> bool:

@@ -71,6 +71,11 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         {topic: [e.stamp_ns for e in read if e.topic == topic] for topic in wanted},
         {topic: [e.log_ns for e in read if e.topic == topic] for topic in wanted},
     )
+    times = {topic: iter(stamps) for topic, stamps in received.items()}
+    read = [
+        each._replace(stamp_ns=next(times[each.topic])) if each.topic in times else each
+        for each in read
+    ]
     out = {topic: senders.left_out(topic) for topic in wanted}
     notes = [
         f"{path}: {words}" for words in (*said, *(n for t in wanted for n in senders.notes(t)))
@@ -81,10 +86,9 @@ def of_bag(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
     stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
     grid, pieces = ScanGrid(mapping), [list[Scan]()]
     for each in read:
-        stamp_ns = each.log_ns if each.topic in received else each.stamp_ns
-        stamps[each.topic].append(stamp_ns)
+        stamps[each.topic].append(each.stamp_ns)
         streams = grid.streams
-        made = list(grid.push(stamp_ns, each.values))
+        made = list(grid.push(each.stamp_ns, each.values))
         pieces[-1] += made
         if grid.streams > streams > 0:
             pieces.append([])

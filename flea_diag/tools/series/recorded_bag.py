@@ -102,7 +102,7 @@ def _recorded(
         {f"/{name}": each.logs for name, each in read.items()},
     )
     start_ns = min(
-        (min(each.logs if f"/{n}" in received else each.stamps) for n, each in read.items()),
+        (min(received.get(f"/{n}", each.stamps)) for n, each in read.items()),
         default=0,
     )
     series = []
@@ -110,7 +110,7 @@ def _recorded(
         topic = f"/{name}"
         out = senders.left_out(topic)
         kept = np.array([sender not in out for sender in each.senders])
-        stamps = each.logs if topic in received else each.stamps
+        stamps = received.get(topic, each.stamps)
         times_s = (np.array(stamps, dtype=np.int64) - start_ns)[kept] * 1e-9
         width = len(each.places)
         table = np.array([row + [np.nan] * (width - len(row)) for row in each.values])[kept]
