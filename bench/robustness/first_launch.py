@@ -20,12 +20,11 @@ for the stand the true fault in a group of at most three; for a replay the diges
 ``ros2 launch`` is not on PyPI: the stand-in of the tests runs the launch files.
 
 scripts/first_launch                     20 runs beside two busy processes
-scripts/first_launch --runs 2 --json -   two runs, result as JSON
+scripts/first_launch --runs 2 --json FILE
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -34,12 +33,13 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+sys.path[:0] = [str(ROOT), str(ROOT / "bench"), str(ROOT / "test")]
 
+from summary import Figure, bench_parser, share, write_summary
 from support.decisions import BAGS, NAMES
 from support.live import Peer, Process, children
 from support.prefix import launched, source_prefix
@@ -164,11 +164,10 @@ def digests(folder: Path) -> dict[str, str]:
 
 def main() -> int:
     """Run and print; exit status 1 where one was not right."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = bench_parser(__doc__)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--busy", type=int, default=2, help="busy processes beside (2)")
     parser.add_argument("--until", metavar="HH:MM", help="begin no run after this time of the day")
-    parser.add_argument("--json", metavar="FILE", help="result as JSON; - for standard output")
     given = parser.parse_args()
     launches: list[FirstLaunch] = []
     with tempfile.TemporaryDirectory() as name:
@@ -183,7 +182,9 @@ def main() -> int:
                 folder.mkdir()
                 launches.append(launch(kind, what, expected.get(what, ""), folder))
                 _print(launches[-1], folder)
-    _report(launches, given.json)
+    right = sum(one.right for one in launches)
+    print(f"{right} of {len(launches)} launches right", file=sys.stderr)
+    write_summary("first_launch", figures(launches), given.json)
     return 0 if launches and all(one.right for one in launches) else 1
 
 
@@ -200,16 +201,14 @@ def _print(one: FirstLaunch, folder: Path) -> None:
         print(log.read_text(encoding="utf-8"), file=sys.stderr)
 
 
-def _report(launches: list[FirstLaunch], target: str | None) -> None:
-    right = sum(one.right for one in launches)
-    print(f"{right} of {len(launches)} launches right", file=sys.stderr)
-    if target:
-        rows = [asdict(one) for one in launches]
-        text = json.dumps({"right": right, "runs": len(rows), "launches": rows}, indent=1) + "\n"
-        if target == "-":
-            sys.stdout.write(text)
-        else:
-            Path(target).write_text(text, encoding="utf-8")
+def figures(launches: list[FirstLaunch]) -> Iterator[Figure]:
+    """How many were right, and when each kind said its first verdict."""
+    for kind in dict.fromkeys(one.kind for one in launches):
+        own = [one for one in launches if one.kind == kind]
+        yield share(f"{kind}: right", sum(one.right for one in own), len(own))
+        times = sorted(one.first_verdict_s for one in own)
+        yield Figure(f"{kind}: first verdict after", times[len(times) // 2], "s", len(times),
+                     times[0], times[-1])  # fmt: skip
 
 
 if __name__ == "__main__":
