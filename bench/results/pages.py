@@ -124,7 +124,7 @@ PAGES = (
         "in a cell the first is of the evidence. It decides nothing of the product yet. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
-        ("evidence_injections", "evidence"),
+        ("evidence",),
     ),
     ResultPage(
         "performance",
@@ -149,7 +149,7 @@ PAGES = (
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
         ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster", "soak",
-         "supervised", "first_launch", "shift"),
+         "shift"),
     ),
 )  # fmt: skip
 

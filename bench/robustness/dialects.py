@@ -54,7 +54,7 @@ def main() -> int:
             if found:
                 figures.append(_figure(name, len(found), bad, args.seed))
             wrong += bad
-    write_summary("dialects", figures, args.json)
+    write_summary("bench/robustness/dialects.py", figures, args.json)
     return min(wrong, 1)
 
 

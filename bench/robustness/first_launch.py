@@ -184,7 +184,7 @@ def main() -> int:
                 _print(launches[-1], folder)
     right = sum(one.right for one in launches)
     print(f"{right} of {len(launches)} launches right", file=sys.stderr)
-    write_summary("first_launch", figures(launches), given.json)
+    write_summary("scripts/first_launch", figures(launches), given.json)
     return 0 if launches and all(one.right for one in launches) else 1
 
 

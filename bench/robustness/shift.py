@@ -90,7 +90,7 @@ def main() -> int:
     print(json.dumps(asdict(found), indent=1))
     for words in wrong(found):
         print(words, file=sys.stderr)
-    write_summary("shift", figures(found), given.json)
+    write_summary("bench/robustness/shift.py", figures(found), given.json)
     return int(bool(wrong(found)))
 
 
