@@ -186,10 +186,10 @@ class FaultEvidence:
         scale = 1.0 / np.maximum(misfit, 1.0)
         alone, both = (self._sums(scale, width) for width in widths)
         faults = h.evidence(alone)
-        unit = self._unit(both.own, faults)
+        unit, before = self._unit(both.own, faults), self._onset == 0
         found = posterior(alone, h.signatures.prior)
         return OnsetWeighed(
-            faults, h.evidence(both), unit, h.of_healthy(alone), h.of_healthy(both),
+            faults, h.evidence(both), unit, h.of_healthy(alone, before), h.of_healthy(both, before),
             found.size, found.sigma, left, self._shown(plain[0].own), self._count.copy(),
         )  # fmt: skip
 

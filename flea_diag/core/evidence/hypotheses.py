@@ -110,9 +110,15 @@ class StreamHypotheses:
         """Log evidence of every model over nothing, nats, shape (..., models)."""
         return marginal_ratio(sums, self.signatures.prior, reaching=True)
 
-    def of_healthy(self, sums: Sums) -> Array:
-        """The same of sizes that healthy recordings feign, at least that of nothing."""
-        return np.maximum(marginal_ratio(sums, self.feigned), 0.0)
+    def of_healthy(self, sums: Sums, from_before: npt.ArrayLike) -> Array:
+        """The same of sizes that healthy recordings feign, at least that of nothing.
+
+        ``from_before``, shape (...): the onset is the start of the stream. What a whole recording
+        differs by it may feign as a size of any fault: there the one counts that explains most.
+        """
+        feigned = np.maximum(marginal_ratio(sums, self.feigned), 0.0)
+        most = feigned.max(axis=-1, keepdims=True)
+        return np.where(np.asarray(from_before)[..., None], most, feigned)
 
     def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
         """What one unit of each size adds, and for each second, shape (relations, sizes).

@@ -100,7 +100,7 @@ class HypothesisBank:
         sums = Sums(self._gram, cross, own)
         faults = self._h.evidence(sums)
         if faults.max() > least:
-            faults = faults - self._h.of_healthy(sums)
+            faults = faults - self._h.of_healthy(sums, self.onsets == 0)
         return Weighed(faults, self._unit_evidence())
 
     def _unit_evidence(self) -> Array:

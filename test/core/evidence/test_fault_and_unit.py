@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -26,7 +28,7 @@ from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
-from flea_diag.core.run_law.run_law import LawTerm, RelationNoise, RunLaw, VisibleSize
+from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw, VisibleSize
 from flea_diag.core.run_law.run_windows import FORMED, WINDOW_S
 
 RELATIONS = ("first", "second")
@@ -162,6 +164,21 @@ def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_c
     assert both.unit > both.alone.max() + 3.5
     found = FaultEvidence(of_unit, 20, windows(warmer)).weighed()
     assert found.unit > lone.unit
+
+
+def test_from_before_a_healthy_recording_feigns_the_size_that_explains_most() -> None:
+    feigned = (FeignedSize("drag", "bias", 0.0, 2.0, 2.0),)
+    law = replace(LAW, feigned=feigned)
+    known = StreamHypotheses.of(law, columns(), signatures_of(MODELS, SIGNALS, law))
+    values = drawn(60, seed=6)
+    values[:, 1] += 1.6 * np.sin(0.4 * np.arange(60))
+    before = FaultEvidence(known, 0, windows(values)).weighed()
+    assert before.healthy[2] > 10.0
+    assert (before.healthy == before.healthy[2]).all()
+    values[:20] = drawn(60, seed=6)[:20]
+    since = FaultEvidence(known, 20, windows(values)).weighed()
+    assert since.healthy[2] > 10.0
+    assert (since.healthy[:2] == 0.0).all()
 
 
 def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
