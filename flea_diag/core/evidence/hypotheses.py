@@ -114,11 +114,12 @@ class StreamHypotheses:
         """The same of sizes that healthy recordings feign, at least that of nothing.
 
         ``from_before``, shape (...): the onset is the start of the stream. What a whole recording
-        differs by it may feign as a size of any fault: there the one counts that explains most.
+        differs by may look like any fault, as likely as another: there their mean counts, too.
         """
         feigned = np.maximum(marginal_ratio(sums, self.feigned), 0.0)
-        most = feigned.max(axis=-1, keepdims=True)
-        return np.where(np.asarray(from_before)[..., None], most, feigned)
+        count = feigned.shape[-1]
+        mean = np.logaddexp.reduce(feigned, axis=-1, keepdims=True) - math.log(count)
+        return np.where(np.asarray(from_before)[..., None], np.maximum(feigned, mean), feigned)
 
     def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
         """What one unit of each size adds, and for each second, shape (relations, sizes).

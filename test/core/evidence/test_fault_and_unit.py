@@ -166,7 +166,7 @@ def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_c
     assert found.unit > lone.unit
 
 
-def test_from_before_a_healthy_recording_feigns_the_size_that_explains_most() -> None:
+def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
     feigned = (FeignedSize("drag", "bias", 0.0, 2.0, 2.0),)
     law = replace(LAW, feigned=feigned)
     known = StreamHypotheses.of(law, columns(), signatures_of(MODELS, SIGNALS, law))
@@ -174,7 +174,7 @@ def test_from_before_a_healthy_recording_feigns_the_size_that_explains_most() ->
     values[:, 1] += 1.6 * np.sin(0.4 * np.arange(60))
     before = FaultEvidence(known, 0, windows(values)).weighed()
     assert before.healthy[2] > 10.0
-    assert (before.healthy == before.healthy[2]).all()
+    np.testing.assert_allclose(before.healthy[:2], before.healthy[2] - np.log(3.0), atol=1e-3)
     values[:20] = drawn(60, seed=6)[:20]
     since = FaultEvidence(known, 20, windows(values)).weighed()
     assert since.healthy[2] > 10.0
