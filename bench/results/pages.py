@@ -61,7 +61,7 @@ PAGES = (
         "The fault scenarios of Narasimhan et al. 2010, Table 4, on simulated units that are drawn "
         "anew for each run. The paper's own results are from the hardware; real and simulated "
         "runs are never added up.",
-        ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity",
+        ("table4", "table4_fresh", "table4_wide", "table4_slow", "group_coverage", "severity",
          "nominal_10h", "travel", "live"),
     ),
     ResultPage(
@@ -149,7 +149,7 @@ PAGES = (
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
         ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster", "soak",
-         "shift"),
+         "supervised", "shift"),
     ),
 )  # fmt: skip
 
