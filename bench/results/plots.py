@@ -165,7 +165,9 @@ def coverage_plot(title: str, stated: list[tuple[float, KeptRow]]) -> str:
         parts.append(_line(x, high_low[0], x, high_low[1], BLUE, 2.0))
         parts.append(f'<circle cx="{x:.1f}" cy="{low - place(row.value):.1f}" r="4"/>')
     parts.append(_text(left + SIDE / 2, low + 34, "stated coverage", "middle"))
-    parts.append(_text(left + 8, MARGIN + 10, "measured: fault in the group"))
+    # Beside the square: a coverage of all would lie below it.
+    parts.append(_text(left + SIDE + 12, MARGIN + 4, "measured: fault"))
+    parts.append(_text(left + SIDE + 12, MARGIN + 20, "in the group"))
     return _svg(f"{title}: measured over stated", WIDTH, low + 46, parts)
 
 
