@@ -26,7 +26,9 @@ scripts/first_launch --runs 2 --json FILE
 from __future__ import annotations
 
 import json
+import math
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -206,9 +208,10 @@ def figures(launches: list[FirstLaunch]) -> Iterator[Figure]:
     for kind in dict.fromkeys(one.kind for one in launches):
         own = [one for one in launches if one.kind == kind]
         yield share(f"{kind}: right", sum(one.right for one in own), len(own))
-        times = sorted(one.first_verdict_s for one in own)
-        yield Figure(f"{kind}: first verdict after", times[len(times) // 2], "s", len(times),
-                     times[0], times[-1])  # fmt: skip
+        times = [one.first_verdict_s for one in own if math.isfinite(one.first_verdict_s)]
+        if times:
+            yield Figure(f"{kind}: first verdict after", statistics.median(times), "s", len(times),
+                         min(times), max(times))  # fmt: skip
 
 
 if __name__ == "__main__":
