@@ -27,7 +27,9 @@ from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.isolation.detectability import shows_from
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
-from flea_diag.core.run_law.law_columns import law_columns
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
@@ -59,10 +61,13 @@ class EvidenceStand:
         rows = known.residuals
         answers = answers_of(known, calibration.parameters, self.law.relations)
         scans = max(1, round(WINDOW_S / calibration.period_s))
-        current, load, way = motion_signals(rows)[:3]
+        current, load, way, *speeds = motion_signals(rows)
+        slow = {name: most for name, most in _slow(rows, calibration.parameters).items()
+                if name in speeds}  # fmt: skip
         columns = StreamColumns(
             self.law.relations, frozenset(rows.in_motion), signal_names(known),
-            (current, load, way), calibration.period_s, scans,
+            (current, load, way), self.knowledge.hypotheses[0].acting, slow, calibration.period_s,
+            scans,
         )  # fmt: skip
         judge = EvidenceStage(self.knowledge, columns, self.sensors)
         return Pipeline((ResidualSource(calibration, known, answers), judge))
@@ -80,10 +85,12 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     columns = every.some([every.names.index(term.name) for term in law.terms])
     order = [columns.names.index(term.name) for term in law.terms]
     assert order == sorted(order)
+    dry = dry_friction(known, parameters, law.relations)
     signatures = signatures_of(known.bound(parameters), names, law)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     made = tuple(
-        StreamHypotheses.of(law, columns, signatures, another, rooms) for another in (False, True)
+        StreamHypotheses.of(law, columns, signatures, dry, another, rooms)
+        for another in (False, True)
     )
     limits = limits_of(
         len({model.fault for model in signatures.models}),
@@ -103,14 +110,25 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
 def _sensors(told: Knowledge) -> SensorKnowledge:
     """What tests of single sensors say: those of the diagnosis, and when a reading moves."""
     calibration, rows, names = told.calibration, told.effects.residuals, told.effects.names
-    slow, per_rad = calibration.parameters.moving_m_s, calibration.parameters.encoder_m_per_rad
-    speeds = {name: ChannelMotion(rate_symbol(name), slow) for name in rows.positions}
-    if per_rad:
-        speeds[rows.encoder] = ChannelMotion(rows.encoder, slow / per_rad)
+    slow = _slow(rows, calibration.parameters)
+    channels = dict.fromkeys((*rows.positions, rows.encoder))
+    speeds = {
+        name: ChannelMotion(signal, slow[signal])
+        for name in channels
+        for signal in (rate_symbol(name), name)
+        if signal in slow
+    }
     motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
     tests = frozenset(row.name for row in rows.sensor_rows)
     unseen = told.symptoms.death_unseen
     return SensorKnowledge(tests, told.faults, motion, unseen, calibration.period_s)
+
+
+def _slow(rows: ResidualSet, parameters: ActuatorParameters) -> dict[str, float]:
+    """Signals that are speeds, and what each exceeds in motion."""
+    slow, per_rad = parameters.moving_m_s, parameters.encoder_m_per_rad
+    speeds = {rate_symbol(name): slow for name in rows.positions}
+    return {**speeds, rows.encoder: slow / per_rad} if per_rad else speeds
 
 
 def evidence_of(stand: Stand, law: RunLaw | None = None) -> EvidenceStand:

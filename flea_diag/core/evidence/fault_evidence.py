@@ -14,9 +14,10 @@
 
 """Evidence on a fault from one onset: the recent windows once more, without those about the onset.
 
-These hold part of the fault, smoothed: to no model do they look like it. Where even the model that
-fits a residual best leaves more than noise, the variance of this residual is scaled by as much
-since the onset (quasi-likelihood).
+These hold part of the fault, smoothed: to no model do they look like it. No model gives a large
+deviation exactly, so beyond what the noise is a share of it counts as noise. A stream that was
+louder than its law before the onset is taken to be as loud since (quasi-likelihood); where the
+onset is its start, by what even the model that fits best leaves.
 """
 
 from __future__ import annotations
@@ -32,7 +33,12 @@ import numpy.typing as npt
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
-from flea_diag.core.evidence.white_stream import WhiteStream, standardised, weight_of
+from flea_diag.core.evidence.white_stream import (
+    WhiteStream,
+    WhiteWindow,
+    standardised,
+    weight_of,
+)
 from flea_diag.core.likelihood_ratio.marginal_ratio import (
     Sums,
     marginal_ratio,
@@ -44,6 +50,11 @@ from flea_diag.core.run_law.whitening import WhiteSignals
 
 Array = npt.NDArray[np.float64]
 
+MODEL_ERROR = 0.2
+"""Share of a deviation that no model of a fault gives exactly: an assumption, 5 to 10 % that last
+for a second or two."""
+LAW_WINDOWS = 10
+"""Windows for which the noise of the law stands beside that of a stream before an onset."""
 KEPT_S = 60.0
 """History that is weighed once more after a detection."""
 
@@ -119,7 +130,7 @@ class FaultEvidence:
     ) -> None:  # fmt: skip
         self._h, self._onset = hypotheses, onset
         models, sizes = hypotheses.signatures.shape
-        relations, self._alone = len(hypotheses.noise.white), 1 + hypotheses.root.shape[1]
+        relations, self._alone = len(hypotheses.noise.white), hypotheses.own_count
         own = self._alone + hypotheses.unit.shape[1]
         self._stream = WhiteStream(hypotheses, since_start)
         self._later = WhiteSignals((relations, models * sizes + own - self._alone))
@@ -128,6 +139,7 @@ class FaultEvidence:
         self._gram = np.zeros((relations, models, sizes, sizes))
         self._cross = np.zeros((relations, models, sizes, own))
         self._count = np.zeros(relations)
+        self._quiet = np.full((2, relations), float(LAW_WINDOWS))
         for window in windows:
             self.add(window)
 
@@ -142,13 +154,22 @@ class FaultEvidence:
         count = effect.shape[-1]
         phi = later[:, :count].reshape(len(later), *self._h.signatures.shape)
         if since < 0:
-            rows = white.own * weight_of(white.errors)
-            self._stream.count(rows, 1.0)
-            self._before[: self._alone, : self._alone] += rows.T @ rows
+            self._take_quiet(white)
             return
         self._count += np.isfinite(white.errors)
         own = np.concatenate((white.own, later[:, count:]), axis=-1)
+        exact = exact_share(white.errors)
+        own, phi = own * exact, phi * exact[..., None]
         self._take(own, phi, weight_of(self._errors(own, phi)))
+
+    def _take_quiet(self, white: WhiteWindow) -> None:
+        """Add the products of one window before the onset, and how loud it is."""
+        weight = weight_of(white.errors)
+        rows = white.own * weight
+        self._stream.count(rows, 1.0)
+        self._before[: self._alone, : self._alone] += rows.T @ rows
+        known = np.isfinite(white.errors)
+        self._quiet += known, np.square(np.where(known, white.errors, 0.0) * weight[:, 0])
 
     def _take(self, own: Array, phi: Array, weight: Array) -> None:
         """Add the products of one window since the onset."""
@@ -182,8 +203,8 @@ class FaultEvidence:
         widths = self._alone, self._own.shape[-1]
         plain = [self._sums(ones, width) for width in widths]
         left = np.minimum(*map(self._left, plain, widths))
-        misfit = left.min(axis=1)
-        scale = 1.0 / np.maximum(misfit, 1.0)
+        loud = self._quiet[1] / self._quiet[0] if self._onset else left.min(axis=1)
+        scale = 1.0 / np.maximum(loud, 1.0)
         alone, both = (self._sums(scale, width) for width in widths)
         faults = h.evidence(alone)
         unit, before = self._unit(both.own, faults), self._onset == 0
@@ -231,6 +252,12 @@ class FaultEvidence:
             self._before[:count, :count]
             + np.einsum("r,rij->ij", scale, self._own[:, :count, :count]),
         )
+
+
+def exact_share(errors: Array) -> Array:
+    """Standard deviation of the noise over that of noise and model error, shape (relations, 1)."""
+    inexact = MODEL_ERROR * np.abs(np.nan_to_num(errors))
+    return np.asarray(1.0 / np.maximum(inexact, 1.0))[:, None]
 
 
 def other_unit(own: Array, alone: int) -> float:

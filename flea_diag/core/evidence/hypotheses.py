@@ -66,6 +66,8 @@ class StreamHypotheses:
         Sizes that healthy recordings feign.
     memory_s
         Time in which what is known of a stream fades to 1/e.
+    dry
+        What the dry friction holds of each signal, shape (relations, signals).
     """
 
     signatures: FaultSignatures
@@ -78,11 +80,12 @@ class StreamHypotheses:
     room_models: npt.NDArray[np.bool_]
     feigned: SizePrior
     memory_s: float
+    dry: Array
 
     @classmethod
     def of(
-        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, another: bool = False,
-        rooms: Collection[str] = (),
+        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, dry: Array,
+        another: bool = False, rooms: Collection[str] = (),
     ) -> StreamHypotheses:  # fmt: skip
         """By a law; ``another``: of a unit that it was not learned from.
 
@@ -103,7 +106,7 @@ class StreamHypotheses:
         return cls(
             signatures, columns, law.law_noise, spread.mean, root, unit, room[acts],
             entered.reshape(signatures.shape).any(axis=1), _feigned(law, signatures),
-            law.time_constant_s,
+            law.time_constant_s, dry,
         )  # fmt: skip
 
     def evidence(self, sums: Sums) -> Array:
@@ -139,11 +142,26 @@ class StreamHypotheses:
     def own(self, window: LawWindow, number: int) -> tuple[Array, Array, Array]:
         """What is left beside the mean (relations,), Psi root, and Psi_unit.
 
-        ``number`` of the window since the start of the stream: since then its parts heat up.
+        ``number`` of the window since the start of the stream: since then its parts heat up. At a
+        standstill against a push the friction holds anything up to the dry friction: the last
+        column of Psi root, about none of it.
         """
         psi = np.einsum("rs,rsc->rc", window.signals, self.columns.design)
         psi = psi + (number + 0.5) * WINDOW_S * self.columns.design[:, self.columns.elapsed]
-        return window.values - psi @ self.mean, psi @ self.root, psi @ self.unit
+        held = (window.signals * self.dry).sum(axis=1) * window.stands
+        psi_root = np.column_stack((psi @ self.root, held / math.sqrt(3.0)))
+        return window.values + held - psi @ self.mean, psi_root, psi @ self.unit
+
+    @property
+    def acting(self) -> npt.NDArray[np.bool_]:
+        """By which signals anything acts in a relation, shape (relations, signals)."""
+        faults, runs = self.signatures.design, self.columns.design
+        return np.asarray((faults != 0.0).any(axis=-1) | (runs != 0.0).any(axis=-1))
+
+    @property
+    def own_count(self) -> int:
+        """Columns of what a window says itself: its value, and what the stream may differ by."""
+        return 2 + int(self.root.shape[1])
 
 
 def signatures_of(

@@ -56,7 +56,7 @@ class HypothesisBank:
         self.stream = WhiteStream(hypotheses, since_start)
         relations = len(hypotheses.noise.white)
         models, sizes = hypotheses.signatures.shape
-        units, own = hypotheses.unit.shape[1], 1 + hypotheses.root.shape[1]
+        units, own = hypotheses.unit.shape[1], hypotheses.own_count
         self._white = WhiteSignals((1, relations, models * sizes + units))
         self._gram = np.zeros((1, models, sizes, sizes))
         self._cross = np.zeros((1, models * sizes, own))

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from flea_diag.core.run_law.run_windows import FORMED, TURNS, own_name
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 Places = npt.NDArray[np.intp]
 
 
@@ -43,12 +44,15 @@ class LawWindow:
         The same as they are read: what a sensor's error does is a share of its reading.
     turning
         Whether it holds a reversal or a standstill.
+    stands
+        Whether it stands against a push that no friction of a healthy machine withstands.
     """
 
     values: Array
     signals: Array
     read: Array
     turning: bool
+    stands: bool
 
 
 class LawWindowMeans:
@@ -62,11 +66,14 @@ class LawWindowMeans:
         Columns of the table of regressors; a relation takes those of its own where it has any.
     motion
         Names of current, load and direction among the signals.
+    acting
+        By which signals anything acts in a relation, shape (relations, signals): it says nothing
+        where one of them is missing.
     """
 
     def __init__(
         self, relations: Sequence[str], signals: Sequence[str], names: Sequence[str],
-        motion: tuple[str, str, str], period_s: float, scans: int,
+        motion: tuple[str, str, str], acting: Flags, period_s: float, scans: int,
     ) -> None:  # fmt: skip
         place = {name: k for k, name in enumerate(names)}
         formed = [name for name in signals if name not in FORMED]
@@ -75,27 +82,35 @@ class LawWindowMeans:
         )
         self._read = np.array([place[s] for s in formed], dtype=int)
         self._current, self._load, self._way = (formed.index(name) for name in motion)
+        self._acting = acting[:, : len(formed)]
         self._period_s, self._scans = period_s, scans
         self._before: Array | None = None
         self._values = np.empty((0, len(relations)))
         self._signals = np.empty((0, 1 + len(relations), len(signals)))
+        self._stands = np.empty(0, dtype=bool)
 
-    def add(self, values: Array, table: Array) -> Iterator[tuple[int, LawWindow]]:
+    def add(self, values: Array, table: Array, stands: Flags) -> Iterator[tuple[int, LawWindow]]:
         """Take n scans: residuals, shape (n, relations), and the table, shape (n, names).
+
+        ``stands``: those of a standstill against a push, shape (n,).
 
         Yields
         ------
         Number of the scan of this block that completes a window, and the window.
         """
         begun = len(self._values)
+        missing = (np.isnan(table[:, self._told]) & self._acting).any(axis=-1)
+        values = np.where(missing, np.nan, values)
         self._values = np.concatenate((self._values, values))
         self._signals = np.concatenate((self._signals, self._formed(table)))
+        self._stands = np.concatenate((self._stands, stands))
         count = len(self._values) // self._scans
         for number in range(count):
             window = slice(number * self._scans, (number + 1) * self._scans)
-            yield window.stop - begun - 1, self._mean(self._values[window], self._signals[window])
+            yield window.stop - begun - 1, self._mean(window)
         self._values = self._values[count * self._scans :]
         self._signals = self._signals[count * self._scans :]
+        self._stands = self._stands[count * self._scans :]
 
     def _formed(self, table: Array) -> Array:
         """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
@@ -109,7 +124,8 @@ class LawWindowMeans:
         drag, turn = np.abs(formed[..., self._load]) * way, way * (1.0 - np.square(way))
         return np.concatenate((formed, np.stack((rate, drag, turn), axis=-1)), axis=-1)
 
-    def _mean(self, values: Array, signals: Array) -> LawWindow:
+    def _mean(self, window: slice) -> LawWindow:
+        values, signals = self._values[window], self._signals[window]
         known = np.isfinite(values)
         found = known.sum(axis=0)
         share = known / np.maximum(found, 1)
@@ -117,4 +133,5 @@ class LawWindowMeans:
         means[2 * found <= len(values)] = np.nan
         way = float(signals[:, 0, self._way].mean())
         told = np.einsum("nr,nrs->rs", share, signals[:, 1:])
-        return LawWindow(means, told, share.T @ signals[:, 0], abs(way) < TURNS)
+        stands = 2 * int(self._stands[window].sum()) > len(values)
+        return LawWindow(means, told, share.T @ signals[:, 0], abs(way) < TURNS, stands)

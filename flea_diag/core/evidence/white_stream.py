@@ -79,7 +79,7 @@ class WhiteStream:
     def __init__(self, hypotheses: StreamHypotheses, since_start: int = 0) -> None:
         self._h = hypotheses
         self._gains = GainSequence(hypotheses.noise.levels())
-        count = 1 + hypotheses.root.shape[1]
+        count = hypotheses.own_count
         self._signals = WhiteSignals((len(hypotheses.noise.white), count))
         self.sums = np.zeros((count, count))
         """[y, Psi]' [y, Psi] of what counts, fading."""
@@ -100,7 +100,8 @@ class WhiteStream:
         both = known[:, None] & known
         apart = np.eye(len(known)) - np.where(both, h.noise.shared, 0.0)
         loud = h.noise.turning if window.turning else np.ones(len(known))
-        scale = 1.0 / loud[:, None]
+        # Each standstill holds another friction: what is common to them is the last column alone.
+        scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / h.noise.sigma))[:, None]
         white = self._signals.step(apart @ rows, gain) * scale
         self.windows += 1
         errors = np.where(known, standardised(white, eta, covariance), np.nan)

@@ -42,7 +42,13 @@ from flea_diag.core.run_law.run_windows import (
     signal_names,
 )
 from flea_diag.core.symbolic.collect import collect
-from flea_diag.core.symbolic.expression import Constant, Variable, evaluate, symbols
+from flea_diag.core.symbolic.expression import (
+    Constant,
+    Variable,
+    derivative,
+    evaluate,
+    symbols,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -124,6 +130,25 @@ def law_columns(
     blank = np.zeros((len(relations), len(names), 0))
     design = np.stack(list(entries.values()), axis=-1) if entries else blank
     return LawColumns(relations, tuple(entries), design, names.index("elapsed_s"))
+
+
+def dry_friction(
+    effects: EffectSet, parameters: ActuatorParameters, relations: tuple[str, ...]
+) -> Array:
+    """What all of the dry friction holds of each signal, shape (relations, signals)."""
+    names, values = signal_names(effects), _values(parameters)
+    held = np.zeros((len(relations), len(names)))
+    rules = EffectRules(effects.relations)
+    for row in effects.relations.relations:
+        if row.name != effects.residuals.friction or row.name not in effects.residuals.in_motion:
+            continue
+        for name in symbols(derivative(row.expression, DIRECTION)):
+            for effect in rules.moved({name: Constant(values.get(name, 0.0))}):
+                place = effect.residual, name_of(effect.basis)
+                if place[0] in relations and place[1] in names:
+                    gain = float(evaluate(effect.gain, values))
+                    held[relations.index(place[0]), names.index(place[1])] += gain
+    return held
 
 
 Term = tuple[LawColumn, tuple[str, str], float]

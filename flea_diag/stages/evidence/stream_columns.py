@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class StreamColumns:
@@ -34,17 +35,21 @@ class StreamColumns:
     ----------
     relations
         Of the law, in its order; ``in_motion`` are those that mean nothing at rest.
-    signals, motion
+    signals, motion, acting
         See ``LawWindowMeans``.
+    slow
+        Signals that are speeds, and what none of them exceeds at a standstill.
     """
 
     def __init__(
         self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
-        motion: tuple[str, str, str], period_s: float, scans: int,
+        motion: tuple[str, str, str], acting: Flags, slow: Mapping[str, float], period_s: float,
+        scans: int,
     ) -> None:  # fmt: skip
         self._relations, self._signals, self._motion = relations, signals, motion
         self._gated = np.array([name in in_motion for name in relations], dtype=bool)
         self._period_s, self._scans = period_s, scans
+        self._acting, self._slow = acting, slow
         self._means: LawWindowMeans | None = None
         self._places: list[int] = []
 
@@ -54,9 +59,16 @@ class StreamColumns:
             names = block.regressor_names
             self._places = [block.names.index(name) for name in self._relations]
             self._means = LawWindowMeans(
-                self._relations, self._signals, names, self._motion, self._period_s, self._scans
-            )
+                self._relations, self._signals, names, self._motion, self._acting, self._period_s,
+                self._scans,
+            )  # fmt: skip
         values = block.values[:, self._places]
         resting = block.regressors[:, -1] <= 0.5
         values = np.where(resting[:, None] & self._gated, np.nan, values)
-        return self._means.add(values, block.regressors)
+        return self._means.add(values, block.regressors, ~resting & self._stand(block))
+
+    def _stand(self, block: ResidualBlock) -> Flags:
+        """By either of two readings: which way its friction acts is known where both move."""
+        places = [block.regressor_names.index(name) for name in self._slow]
+        speeds = np.abs(block.regressors[:, places])
+        return np.asarray((speeds <= np.array(list(self._slow.values()))).any(axis=1))

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.evidence.change_evidence import ChangeEvidence
 from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, StreamHistory
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS, HypothesisBank
@@ -30,6 +31,8 @@ from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS, patience
 
 Array = npt.NDArray[np.float64]
 
+OTHER_ONSET_NATS, MOST_ONSETS = 10.0, 3
+"""A fault that is not farther behind the best has its own onset weighed, too; so many onsets."""
 APART_NATS = 3.5
 """What a fault must be ahead of another unit by, or another unit of any fault."""
 
@@ -49,7 +52,7 @@ class StreamChange(NamedTuple):
 
     onset: int
     limit: float
-    evidence: FaultEvidence
+    evidence: ChangeEvidence
 
 
 class Found(NamedTuple):
@@ -111,8 +114,11 @@ class StreamEvidence:
         at = int(beyond.max(axis=1).argmax())
         if beyond[at].max() <= 0.0:
             return None
-        onset = self._begun + int(self._bank.onsets[at])
-        return StreamChange(onset, float(limits[at]), self.of_fault(onset))
+        kept = at_start == at_start[at]
+        places = [at, *np.flatnonzero(kept)[_own_onsets(faults[kept], float(faults[at].max()))]]
+        onsets = dict.fromkeys(self._begun + int(self._bank.onsets[place]) for place in places)
+        found = list(onsets)[:MOST_ONSETS]
+        return StreamChange(found[0], float(limits[at]), self.of_fault(*found))
 
     def _told(self, change: StreamChange) -> Found | None:
         """What a change was, once it is told: a fault, another unit, or nothing after all."""
@@ -159,11 +165,17 @@ class StreamEvidence:
         for window in self.history.since(self._begun):
             self._bank.add(window)
 
-    def of_fault(self, onset: int) -> FaultEvidence:
-        """Evidence on a fault with an onset, from the history."""
+    def of_fault(self, *onsets: int) -> ChangeEvidence:
+        """Evidence on a fault with one of these onsets, from the history."""
         first = max(self._begun, self.history.taken - len(self.history.windows))
-        windows = self.history.since(first)
-        return FaultEvidence(self.hypotheses, max(onset - first, 0), windows, first)
+        windows, h = self.history.since(first), self.hypotheses
+        return ChangeEvidence([FaultEvidence(h, max(n - first, 0), windows, first) for n in onsets])
+
+
+def _own_onsets(faults: Array, best: float) -> Array:
+    """Places of the onsets by which faults fit best that are not far behind; (onsets, models)."""
+    near = faults.max(axis=0) > best - OTHER_ONSET_NATS
+    return np.asarray(faults[:, near].argmax(axis=0))
 
 
 def limits_of(models: int, rate_per_hour: float, onsets_per_hour: float) -> EvidenceLimits:

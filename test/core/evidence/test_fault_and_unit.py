@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from flea_diag.core.evidence.change_evidence import ChangeEvidence
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
@@ -53,14 +54,20 @@ def columns() -> LawColumns:
     return LawColumns(RELATIONS, entries, design, 1)
 
 
-def hypotheses(*rooms: str) -> StreamHypotheses:
-    return StreamHypotheses.of(LAW, columns(), signatures_of(MODELS, SIGNALS, LAW), rooms=rooms)
+NOTHING_HELD = np.zeros((2, 3))
 
 
-def windows(values: np.ndarray) -> list[LawWindow]:
-    speed = np.sin(0.4 * np.arange(len(values)))
+def hypotheses(*rooms: str, dry: np.ndarray = NOTHING_HELD) -> StreamHypotheses:
+    signatures = signatures_of(MODELS, SIGNALS, LAW)
+    return StreamHypotheses.of(LAW, columns(), signatures, dry, rooms=rooms)
+
+
+def windows(values: np.ndarray, stands: slice = slice(0)) -> list[LawWindow]:
+    speed, held = np.sin(0.4 * np.arange(len(values))), np.zeros(len(values), dtype=bool)
+    held[stands] = True
     signals = [np.tile([1.0, 0.0, v], (2, 1)) for v in speed]
-    return [LawWindow(row, s, s, False) for row, s in zip(values, signals, strict=True)]
+    rows = zip(values, signals, held.tolist(), strict=True)
+    return [LawWindow(row, s, s, False, stood) for row, s, stood in rows]
 
 
 def dense(count: int, onset: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
@@ -96,8 +103,9 @@ def nats(y: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> float:
 
 
 def unbounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No window counts less: what a dense density says."""
+    """No window counts less, and models are exact: what a dense density says."""
     monkeypatch.setattr("flea_diag.core.evidence.white_stream.BOUND", 1e9)
+    monkeypatch.setattr("flea_diag.core.evidence.fault_evidence.MODEL_ERROR", 0.0)
 
 
 def test_the_bank_holds_the_densities_of_faults_and_of_another_unit(monkeypatch) -> None:
@@ -150,6 +158,47 @@ def test_a_step_is_found_at_its_onset_and_what_smoothing_leaves_of_one_is_not() 
     assert FaultEvidence(hypotheses(), 100, windows(spiked)).weighed().every.max() < 5.0
 
 
+def test_a_large_deviation_is_held_against_a_share_of_it() -> None:
+    """A bias that takes a second to come is no other fault, though no model holds its rise."""
+    values = drawn(60, seed=7)
+    rise = 1.0 - np.exp(-np.arange(30) / 5.0)
+    values[30:] += 400.0 * np.outer(rise, [1.0, -0.5])
+    found = FaultEvidence(hypotheses(), 30, windows(values)).weighed()
+    assert int(found.every.argmax()) == 0
+    assert found.every[0] < 30 * 2 * 0.5 / 0.2**2, "nats a window and relation are bounded"
+
+
+def test_friction_at_a_standstill_holds_what_it_can_and_no_more() -> None:
+    dry, stood = np.zeros((2, 3)), slice(20, 60)
+    dry[0, 0] = 12.0
+    known = hypotheses(dry=dry)
+    held, pushed = drawn(60, seed=8), drawn(60, seed=8)
+    # What is left beyond all of the friction: half of it is held, or 100 times as much is pushed.
+    held[stood, 0] -= 6.0
+    pushed[stood, 0] += 1200.0
+    quiet = FaultEvidence(known, 20, windows(held, stood)).weighed()
+    assert quiet.alone.max() < 5.0
+    assert FaultEvidence(hypotheses(), 20, windows(held)).weighed().alone.max() > 30.0
+    assert FaultEvidence(known, 20, windows(pushed, stood)).weighed().alone.max() > 30.0
+
+
+def test_an_onset_that_is_put_too_early_makes_no_drift_of_a_bias() -> None:
+    values = drawn(70, seed=9)
+    values[48:] += 2.5 * np.array([1.0, -0.1])
+    every = windows(values)
+    early = FaultEvidence(hypotheses(), 40, every)
+    right = FaultEvidence(hypotheses(), 48, every)
+    alone = ChangeEvidence([early]).weighed()
+    assert alone.alone[1] > alone.alone[0] + 3.0
+    both = ChangeEvidence([early, right]).weighed()
+    assert both.alone[0] > alone.alone[0] + 3.0
+    np.testing.assert_array_equal(both.size[0], right.weighed().size[0])
+    parts = [one.unit + one.with_unit for one in (early.weighed(), right.weighed())]
+    np.testing.assert_allclose(
+        both.unit + both.with_unit, np.logaddexp(*parts) - np.log(2.0), atol=1e-9
+    )
+
+
 def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_changed() -> None:
     warmer, other = drawn(60, seed=5), drawn(60, seed=5)
     warmer[20:, 0] += 1.5
@@ -169,7 +218,8 @@ def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_c
 def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
     feigned = (FeignedSize("drag", "bias", 0.0, 2.0, 2.0),)
     law = replace(LAW, feigned=feigned)
-    known = StreamHypotheses.of(law, columns(), signatures_of(MODELS, SIGNALS, law))
+    signatures = signatures_of(MODELS, SIGNALS, law)
+    known = StreamHypotheses.of(law, columns(), signatures, NOTHING_HELD)
     values = drawn(60, seed=6)
     values[:, 1] += 1.6 * np.sin(0.4 * np.arange(60))
     before = FaultEvidence(known, 0, windows(values)).weighed()
@@ -188,15 +238,24 @@ def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     table, values = draw.standard_normal((95, 5)), draw.standard_normal((95, 2))
     values[3:40, 1] = np.nan
 
+    stands = np.arange(95) >= 65
+    acting = np.zeros((2, len(signals)), dtype=bool)
+    acting[0, 2] = True
+    table[40:52, 2] = np.nan
+
     def means() -> LawWindowMeans:
-        return LawWindowMeans(RELATIONS, signals, names, ("current", "load", "way"), 0.01, 20)
+        motion = "current", "load", "way"
+        return LawWindowMeans(RELATIONS, signals, names, motion, acting, 0.01, 20)
 
     whole, parts = means(), means()
-    every = list(whole.add(values, table))
-    single = [w for k in range(95) for w in parts.add(values[k : k + 1], table[k : k + 1])]
+    every = list(whole.add(values, table, stands))
+    scans = [slice(k, k + 1) for k in range(95)]
+    single = [w for k in scans for w in parts.add(values[k], table[k], stands[k])]
     assert [number for number, _ in every] == [19, 39, 59, 79]
     for (_, one), (_, other) in zip(every, single, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
         np.testing.assert_array_equal(one.signals, other.signals)
     assert np.isnan(every[0][1].values[1])
+    assert np.isnan(every[2][1].values).tolist() == [True, False], "its load is missing"
+    assert [window.stands for _, window in every] == [False, False, False, True]
     assert every[0][1].signals[0, 1] == pytest.approx(table[:20, 1].mean())
