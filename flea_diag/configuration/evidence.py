@@ -23,6 +23,7 @@ from flea_diag.configuration.description import described
 from flea_diag.configuration.knowledge import effects, knowledge
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.isolation.detectability import shows_from
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
@@ -31,7 +32,7 @@ from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
-from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
+from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names, speed_signal
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
@@ -86,10 +87,11 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     order = [columns.names.index(term.name) for term in law.terms]
     assert order == sorted(order)
     dry = dry_friction(known, parameters, law.relations)
+    friction = Friction(dry, names.index(speed_signal(known.residuals)), law.usual_speed)
     signatures = signatures_of(known.bound(parameters), names, law)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     made = tuple(
-        StreamHypotheses.of(law, columns, signatures, dry, another, rooms)
+        StreamHypotheses.of(law, columns, signatures, friction, another, rooms)
         for another in (False, True)
     )
     limits = limits_of(

@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -66,8 +67,8 @@ class StreamHypotheses:
         Sizes that healthy recordings feign.
     memory_s
         Time in which what is known of a stream fades to 1/e.
-    dry
-        What the dry friction holds of each signal, shape (relations, signals).
+    friction
+        What it does beyond the noise of the law.
     """
 
     signatures: FaultSignatures
@@ -80,11 +81,11 @@ class StreamHypotheses:
     room_models: npt.NDArray[np.bool_]
     feigned: SizePrior
     memory_s: float
-    dry: Array
+    friction: Friction
 
     @classmethod
     def of(
-        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, dry: Array,
+        cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, friction: Friction,
         another: bool = False, rooms: Collection[str] = (),
     ) -> StreamHypotheses:  # fmt: skip
         """By a law; ``another``: of a unit that it was not learned from.
@@ -106,7 +107,7 @@ class StreamHypotheses:
         return cls(
             signatures, columns, law.law_noise, spread.mean, root, unit, room[acts],
             entered.reshape(signatures.shape).any(axis=1), _feigned(law, signatures),
-            law.time_constant_s, dry,
+            law.time_constant_s, friction,
         )  # fmt: skip
 
     def evidence(self, sums: Sums) -> Array:
@@ -148,7 +149,7 @@ class StreamHypotheses:
         """
         psi = np.einsum("rs,rsc->rc", window.signals, self.columns.design)
         psi = psi + (number + 0.5) * WINDOW_S * self.columns.design[:, self.columns.elapsed]
-        held = (window.signals * self.dry).sum(axis=1) * window.stands
+        held = self.friction.held(window)
         psi_root = np.column_stack((psi @ self.root, held / math.sqrt(3.0)))
         return window.values + held - psi @ self.mean, psi_root, psi @ self.unit
 

@@ -99,7 +99,7 @@ class WhiteStream:
         gain = self._gains.step(known)
         both = known[:, None] & known
         apart = np.eye(len(known)) - np.where(both, h.noise.shared, 0.0)
-        loud = h.noise.turning if window.turning else np.ones(len(known))
+        loud = (h.noise.turning if window.turning else 1.0) * h.friction.loudness(window)
         # Each standstill holds another friction: what is common to them is the last column alone.
         scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / h.noise.sigma))[:, None]
         white = self._signals.step(apart @ rows, gain) * scale

@@ -154,6 +154,8 @@ class RunLaw(Frozen):
         description's tolerance.
     time_constant_s
         Of what moves within a recording; the longest that is told from a constant.
+    usual_speed
+        Median speed in motion, in the unit of the signal that is the speed; 0: not known.
     """
 
     terms: tuple[LawTerm, ...]
@@ -167,6 +169,7 @@ class RunLaw(Frozen):
     unlike: tuple[tuple[str, str], ...] = ()
     """Recordings that it was learned without, and why."""
     visible: tuple[VisibleSize, ...] = ()
+    usual_speed: NotNegative = 0.0
 
     @property
     def relations(self) -> tuple[str, ...]:

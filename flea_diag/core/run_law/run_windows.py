@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -70,6 +70,23 @@ class RunWindows:
         """Some of the windows, as a recording of its own."""
         values, signals = self.values[windows], self.signals[windows]
         return RunWindows(self.name, self.unit, values, signals, self.turning[windows])
+
+
+def speed_signal(rows: ResidualSet) -> str:
+    """Name of the signal that is the speed: the rate of the position, where there is one."""
+    *_, speed, rate = motion_signals(rows)
+    return rate if rows.position else speed
+
+
+def usual_speed(runs: Sequence[RunWindows], effects: EffectSet, relations: Sequence[str]) -> float:
+    """Median speed of windows in motion, in the unit of its signal; 0 where none is known."""
+    friction = effects.residuals.friction
+    if friction not in relations:
+        return 0.0
+    place, signal = relations.index(friction), speed_signal(effects.residuals)
+    column = effects.names.index(signal)
+    moved = [run.signals[np.isfinite(run.values[:, place]), place, column] for run in runs]
+    return float(np.median(np.abs(np.concatenate(moved)))) if any(map(len, moved)) else 0.0
 
 
 def signal_names(effects: EffectSet) -> tuple[str, ...]:

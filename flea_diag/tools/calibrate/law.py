@@ -28,7 +28,12 @@ from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
 from flea_diag.core.run_law.law_columns import LawColumns, law_columns
 from flea_diag.core.run_law.law_learning import LawFit, acting, learn_law
 from flea_diag.core.run_law.run_law import RunLaw
-from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows, signal_names
+from flea_diag.core.run_law.run_windows import (
+    WINDOW_S,
+    RunWindows,
+    signal_names,
+    usual_speed,
+)
 from flea_diag.core.run_law.visible_sizes import limit_nats, visible_sizes
 from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
 from flea_diag.tools.calibrate.law_words import reason_of
@@ -82,7 +87,8 @@ class LawDesign:
         limit = limit_nats(calibration.false_alarms_per_hour, len(self.faults))
         seen = visible_sizes(fit.law, fit.columns, self.faults, fit.sound, limit, DROP_NATS)
         both = with_limits(seen, calibration, self.work, self.faults, recordings, sharing)
-        return replace(fit.law, visible=tuple(both))
+        usual = usual_speed(fit.sound, self.work.effects(), self.work.relations)
+        return replace(fit.law, visible=tuple(both), usual_speed=usual)
 
 
 TOO_MANY = (

@@ -24,6 +24,7 @@ from scipy.stats import multivariate_normal
 
 from flea_diag.core.evidence.change_evidence import ChangeEvidence
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
+from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
@@ -59,7 +60,7 @@ NOTHING_HELD = np.zeros((2, 3))
 
 def hypotheses(*rooms: str, dry: np.ndarray = NOTHING_HELD) -> StreamHypotheses:
     signatures = signatures_of(MODELS, SIGNALS, LAW)
-    return StreamHypotheses.of(LAW, columns(), signatures, dry, rooms=rooms)
+    return StreamHypotheses.of(LAW, columns(), signatures, Friction(dry, 2, 0.0), rooms=rooms)
 
 
 def windows(values: np.ndarray, stands: slice = slice(0)) -> list[LawWindow]:
@@ -182,6 +183,19 @@ def test_friction_at_a_standstill_holds_what_it_can_and_no_more() -> None:
     assert FaultEvidence(known, 20, windows(pushed, stood)).weighed().alone.max() > 30.0
 
 
+def test_a_window_that_passes_little_of_the_stroke_says_little() -> None:
+    dry = np.zeros((2, 3))
+    dry[0, 2] = 12.0
+    friction, row = Friction(dry, 2, 80.0), np.zeros(2)
+    signals = {v: np.tile([1.0, 0.0, v], (2, 1)) for v in (100.0, -20.0, 0.0)}
+    made = {v: LawWindow(row, s, s, False, False) for v, s in signals.items()}
+    np.testing.assert_array_equal(friction.loudness(made[100.0]), [1.0, 1.0])
+    np.testing.assert_array_equal(friction.loudness(made[-20.0]), [2.0, 1.0])
+    np.testing.assert_allclose(friction.loudness(made[0.0]), [20.0**0.5, 1.0])
+    unknown = Friction(dry, 2, 0.0)
+    np.testing.assert_array_equal(unknown.loudness(made[0.0]), [1.0, 1.0])
+
+
 def test_an_onset_that_is_put_too_early_makes_no_drift_of_a_bias() -> None:
     values = drawn(70, seed=9)
     values[48:] += 2.5 * np.array([1.0, -0.1])
@@ -219,7 +233,7 @@ def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
     feigned = (FeignedSize("drag", "bias", 0.0, 2.0, 2.0),)
     law = replace(LAW, feigned=feigned)
     signatures = signatures_of(MODELS, SIGNALS, law)
-    known = StreamHypotheses.of(law, columns(), signatures, NOTHING_HELD)
+    known = StreamHypotheses.of(law, columns(), signatures, Friction(NOTHING_HELD, 2, 0.0))
     values = drawn(60, seed=6)
     values[:, 1] += 1.6 * np.sin(0.4 * np.arange(60))
     before = FaultEvidence(known, 0, windows(values)).weighed()

@@ -1,0 +1,64 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What friction does to a stream beyond the noise of its law.
+
+It varies along the stroke, so a window that passes little of it says little that the one before has
+not said. Pushed at a standstill it holds anything up to the dry friction, and goes on doing so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.stream_windows import LawWindow
+
+Array = npt.NDArray[np.float64]
+
+SLOWEST = 0.05
+"""Share of the usual speed below which a window counts as one at this speed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction of one stand.
+
+    Attributes
+    ----------
+    dry
+        What the dry friction holds of each signal, shape (relations, signals).
+    speed
+        Place of the speed among the signals.
+    usual_speed
+        Its median in healthy motion; 0: not known.
+    """
+
+    dry: Array
+    speed: int
+    usual_speed: float
+
+    def held(self, window: LawWindow) -> Array:
+        """What the relations have taken off for it at a standstill against a push, (relations,)."""
+        return np.asarray((window.signals * self.dry).sum(axis=1) * window.stands)
+
+    def loudness(self, window: LawWindow) -> Array:
+        """Factor of the standard deviation for the stroke of a window, shape (relations,)."""
+        slowest = SLOWEST * self.usual_speed
+        speed = np.maximum(np.abs(window.read[:, self.speed]).max(), slowest)
+        factor = math.sqrt(max(self.usual_speed / speed, 1.0)) if self.usual_speed else 1.0
+        return np.where((self.dry != 0.0).any(axis=1), factor, 1.0)
