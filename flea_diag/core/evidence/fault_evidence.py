@@ -158,7 +158,8 @@ class FaultEvidence:
             return
         self._count += np.isfinite(white.errors)
         own = np.concatenate((white.own, later[:, count:]), axis=-1)
-        exact = exact_share(white.errors)
+        # From the start of a stream nothing says yet how far a reading may be off.
+        exact = exact_share(white.deviations if self._onset else white.errors)
         own, phi = own * exact, phi * exact[..., None]
         self._take(own, phi, weight_of(self._errors(own, phi)))
 

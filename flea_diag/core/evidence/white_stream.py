@@ -46,6 +46,8 @@ class WhiteWindow:
         Of the filter, and of windows that are louder, shape (relations, 1).
     errors
         Standardised errors of prediction under no fault, shape (relations,), NaN without a value.
+    deviations
+        The same in standard deviations of the noise alone.
     """
 
     own: Array
@@ -55,6 +57,7 @@ class WhiteWindow:
     gain: WindowGain
     scale: Array
     errors: Array
+    deviations: Array
 
 
 def weight_of(errors: Array) -> Array:
@@ -106,7 +109,8 @@ class WhiteStream:
         self.windows += 1
         errors = np.where(known, standardised(white, eta, covariance), np.nan)
         parts = apart @ unit, apart @ added, apart @ growing
-        return WhiteWindow(white, *parts, gain, scale, errors)
+        deviations = np.where(known, white[:, 0] - white[:, 1:] @ eta, np.nan)
+        return WhiteWindow(white, *parts, gain, scale, errors, deviations)
 
     def count(self, rows: Array, fade: float) -> None:
         """Add the products of rows that are weighted."""
