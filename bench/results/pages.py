@@ -149,7 +149,7 @@ PAGES = (
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
         ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster", "soak",
-         "supervised", "shift"),
+         "supervised", "first_launch", "shift"),
     ),
 )  # fmt: skip
 
