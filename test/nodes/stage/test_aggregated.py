@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from support.live import Peer, Process, toy
@@ -85,22 +86,21 @@ class Watched:
     def __init__(self, peer: Peer) -> None:
         self._peer, self._stamp_ns = peer, 1_700_000_000 * 10**9
 
-    def scan(self, current: float, count: int = 1) -> None:
-        for _ in range(count):
-            self._stamp_ns += PERIOD_NS
-            self._peer.bus.publish(Scan(self._stamp_ns, ("motor_current",), (current,)))
+    def scan(self, current: float) -> None:
+        self._stamp_ns += PERIOD_NS
+        self._peer.bus.publish(Scan(self._stamp_ns, ("motor_current",), (current,)))
 
     def report(self, name: str, words: str, serial: str = "") -> Health:
         """A status of this name that is yet to come, of a machine with this serial number."""
         self._peer.records.clear()
-        return self._peer.find(
-            lambda r: (
-                isinstance(r, Health)
-                and r.node == name
-                and words in r.message
-                and serial in r.hardware
-            )
-        )
+        return self._peer.find(_says(name, words, serial))
+
+    def report_while(self, current: float, name: str, words: str, serial: str = "") -> Health:
+        """The same while scans go on: a verdict is repeated no more once they have stopped."""
+        said = _says(name, words, serial)
+        self._peer.records.clear()
+        self._peer.until(lambda: self.scan(current) or any(map(said, self._peer.records)))
+        return self._peer.find(said)
 
     def levels(self) -> dict[str, int]:
         tree = Aggregator(SHIPPED)
@@ -109,6 +109,12 @@ class Watched:
         for name, level in latest.items():
             tree.take(name, level, now_s)
         return tree.levels(now_s)
+
+
+def _says(name: str, words: str, serial: str) -> Callable[[Any], bool]:
+    return lambda r: (
+        isinstance(r, Health) and r.node == name and words in r.message and serial in r.hardware
+    )
 
 
 @pytest.fixture(params=["live", "replay"])
@@ -129,12 +135,10 @@ def test_live_and_replayed_verdicts_as_the_aggregator_shows_them(
     before = "" if source == "live" else "replay: "
     waiting = stand.report("diagnoser", "waiting for the first record")
     assert waiting.level == (WARN if source == "live" else OK)
-    stand.scan(1.0)
     # The table comes on a topic of its own, and may be taken after the first scans.
-    calm = stand.report("diagnoser: verdict", "nominal", serial="EMA-7")
+    calm = stand.report_while(1.0, "diagnoser: verdict", "nominal", serial="EMA-7")
     assert (calm.level, calm.message) == (OK, f"{before}nominal")
-    stand.scan(9.0)
-    alarm = stand.report("diagnoser: verdict", "isolated")
+    alarm = stand.report_while(9.0, "diagnoser: verdict", "isolated")
     assert alarm.level == (ERROR if source == "live" else OK)
     assert alarm.message == f"{before}isolated"
     # The source has stopped: the node says so, and its verdict is repeated no more.
