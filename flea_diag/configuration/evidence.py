@@ -63,8 +63,8 @@ class EvidenceStand:
         answers = answers_of(known, calibration.parameters, self.law.relations)
         scans = max(1, round(WINDOW_S / calibration.period_s))
         current, load, way, *speeds = motion_signals(rows)
-        slow = {name: most for name, most in _slow(rows, calibration.parameters).items()
-                if name in speeds}  # fmt: skip
+        motions = _motions(rows, calibration.parameters).values()
+        slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
         columns = StreamColumns(
             self.law.relations, frozenset(rows.in_motion), signal_names(known),
             (current, load, way), self.knowledge.hypotheses[0].acting, slow, calibration.period_s,
@@ -112,25 +112,20 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
 def _sensors(told: Knowledge) -> SensorKnowledge:
     """What tests of single sensors say: those of the diagnosis, and when a reading moves."""
     calibration, rows, names = told.calibration, told.effects.residuals, told.effects.names
-    slow = _slow(rows, calibration.parameters)
-    channels = dict.fromkeys((*rows.positions, rows.encoder))
-    speeds = {
-        name: ChannelMotion(signal, slow[signal])
-        for name in channels
-        for signal in (rate_symbol(name), name)
-        if signal in slow
-    }
+    speeds = _motions(rows, calibration.parameters)
     motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
     tests = frozenset(row.name for row in rows.sensor_rows)
     unseen = told.symptoms.death_unseen
     return SensorKnowledge(tests, told.faults, motion, unseen, calibration.period_s)
 
 
-def _slow(rows: ResidualSet, parameters: ActuatorParameters) -> dict[str, float]:
-    """Signals that are speeds, and what each exceeds in motion."""
+def _motions(rows: ResidualSet, parameters: ActuatorParameters) -> dict[str, ChannelMotion]:
+    """When the reading of each channel of motion moves."""
     slow, per_rad = parameters.moving_m_s, parameters.encoder_m_per_rad
-    speeds = {rate_symbol(name): slow for name in rows.positions}
-    return {**speeds, rows.encoder: slow / per_rad} if per_rad else speeds
+    motions = {name: ChannelMotion(rate_symbol(name), slow) for name in rows.positions}
+    if per_rad:
+        motions[rows.encoder] = ChannelMotion(rows.encoder, slow / per_rad)
+    return motions
 
 
 def evidence_of(stand: Stand, law: RunLaw | None = None) -> EvidenceStand:

@@ -55,7 +55,7 @@ class ChangeEvidence:
             return every[0]
         best = np.argmax([one.alone for one in every], axis=0)
         models = np.arange(len(best))
-        first, unit = every[0], float(_mean([np.array(one.unit) for one in every]))
+        first, unit = every[0], float(_mean([one.unit for one in every]))
         return OnsetWeighed(
             _mean([one.alone for one in every]),
             # Fault and unit came at one time.
@@ -71,6 +71,6 @@ class ChangeEvidence:
         )
 
 
-def _mean(nats: Sequence[Array]) -> Array:
+def _mean(nats: Sequence[npt.ArrayLike]) -> Array:
     """Of likelihoods, in nats."""
-    return np.asarray(np.logaddexp.reduce(nats, axis=0) - math.log(len(nats)))
+    return np.asarray(np.logaddexp.reduce(np.array(nats), axis=0) - math.log(len(nats)))

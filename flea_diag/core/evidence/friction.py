@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -59,6 +60,11 @@ class Friction:
     def loudness(self, window: LawWindow) -> Array:
         """Factor of the standard deviation for the stroke of a window, shape (relations,)."""
         slowest = SLOWEST * self.usual_speed
-        speed = np.maximum(np.abs(window.read[:, self.speed]).max(), slowest)
+        speed = max(float(np.abs(window.read[:, self.speed]).max()), slowest)
         factor = math.sqrt(max(self.usual_speed / speed, 1.0)) if self.usual_speed else 1.0
-        return np.where((self.dry != 0.0).any(axis=1), factor, 1.0)
+        return np.where(self._rubs, factor, 1.0)
+
+    @cached_property
+    def _rubs(self) -> npt.NDArray[np.bool_]:
+        """Relations that hold dry friction, shape (relations,)."""
+        return np.asarray((self.dry != 0.0).any(axis=1))

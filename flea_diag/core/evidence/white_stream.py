@@ -68,9 +68,13 @@ def weight_of(errors: Array) -> Array:
 
 def standardised(white: Array, mean: Array, covariance: Array) -> Array:
     """Errors of [y, X] beside coefficients of X, in the standard deviations of a prediction."""
+    return np.asarray((white[:, 0] - white[:, 1:] @ mean) / predicted_sigma(white, covariance))
+
+
+def predicted_sigma(white: Array, covariance: Array) -> Array:
+    """Standard deviations of a prediction of [y, X], the noise among them."""
     x = white[:, 1:]
-    variance = 1.0 + np.einsum("rc,cd,rd->r", x, covariance, x)
-    return np.asarray((white[:, 0] - x @ mean) / np.sqrt(variance))
+    return np.asarray(np.sqrt(1.0 + np.einsum("rc,cd,rd->r", x, covariance, x)))
 
 
 class WhiteStream:
@@ -107,9 +111,9 @@ class WhiteStream:
         scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / h.noise.sigma))[:, None]
         white = self._signals.step(apart @ rows, gain) * scale
         self.windows += 1
-        errors = np.where(known, standardised(white, eta, covariance), np.nan)
-        parts = apart @ unit, apart @ added, apart @ growing
         deviations = np.where(known, white[:, 0] - white[:, 1:] @ eta, np.nan)
+        errors = deviations / predicted_sigma(white, covariance)
+        parts = apart @ unit, apart @ added, apart @ growing
         return WhiteWindow(white, *parts, gain, scale, errors, deviations)
 
     def count(self, rows: Array, fade: float) -> None:

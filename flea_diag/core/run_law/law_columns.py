@@ -142,8 +142,9 @@ def dry_friction(
     for row in effects.relations.relations:
         if row.name != effects.residuals.friction or row.name not in effects.residuals.in_motion:
             continue
-        for name in symbols(derivative(row.expression, DIRECTION)):
-            for effect in rules.moved({name: Constant(values.get(name, 0.0))}):
+        rubbing = (n for n in symbols(derivative(row.expression, DIRECTION)) if n in values)
+        for name in rubbing:
+            for effect in rules.moved({name: Constant(values[name])}):
                 place = effect.residual, name_of(effect.basis)
                 if place[0] in relations and place[1] in names:
                     gain = float(evaluate(effect.gain, values))

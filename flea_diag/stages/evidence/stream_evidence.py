@@ -114,8 +114,8 @@ class StreamEvidence:
         at = int(beyond.max(axis=1).argmax())
         if beyond[at].max() <= 0.0:
             return None
-        kept = at_start == at_start[at]
-        places = [at, *np.flatnonzero(kept)[_own_onsets(faults[kept], float(faults[at].max()))]]
+        alike = np.where((at_start == at_start[at])[:, None], faults, -np.inf)
+        places = [at, *_own_onsets(alike, float(faults[at].max()))]
         onsets = dict.fromkeys(self._begun + int(self._bank.onsets[place]) for place in places)
         found = list(onsets)[:MOST_ONSETS]
         return StreamChange(found[0], float(limits[at]), self.of_fault(*found))
