@@ -191,11 +191,22 @@ def a_fault_is_put_into_the_simulated_stand(peer: Peer, browser: Browser) -> Non
 def the_page_survives_its_server(
     serve: Callable[..., Process], web: Process, port: int, browser: Browser
 ) -> None:
-    web.signal(signal.SIGKILL)
-    browser.until_text(".lost-banner", "DISCONNECTED since")
+    """What is entered meanwhile is saved by whichever server is there next."""
+    lost, enter = "document.body.classList.contains('lost')", "\ue007"
+    for end, text in ((signal.SIGSTOP, "while it hung"), (signal.SIGKILL, "while it was away")):
+        web.child.send_signal(end)
+        browser.until(lost)
+        browser.until_text(".lost-banner", "DISCONNECTED since")
+        browser.press("c", text, enter)
+        browser.until_text("dialog[open]", "it is saved as soon as the page is back")
+        if end is signal.SIGSTOP:
+            web.child.send_signal(signal.SIGCONT)
+            browser.until_text("#panel-episodes", text)
+    web.end()
     with serve(port) as again:
         again.wait_for(SAYS_WHERE)
-        browser.until("!document.body.classList.contains('lost')")
+        browser.until(f"!{lost}")
+        browser.until_text("#panel-episodes", "while it was away")
         browser.until_text("#panel-episodes", "nut is hot")
         browser.until_text(".chips", "LIVE")
         browser.open(f"http://127.0.0.1:{port}/")

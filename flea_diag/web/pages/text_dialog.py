@@ -25,7 +25,7 @@ from nicegui import ui
 from flea_diag.operator.words import later, tr
 from flea_diag.web.pages.elements import STATIC
 
-LOST = later("Not saved: the page is disconnected. Keep this open, and save again.")
+LOST = later("The page is disconnected. Keep this open: it is saved as soon as the page is back.")
 LONGEST = 2000
 """Characters that are taken of a text."""
 

@@ -1,4 +1,9 @@
 // A dialog that the browser opens by itself: what is typed from the next key on goes into its field.
+const AGAIN_MS = 250;
+// What waits for a server outlives the page, which is loaded anew where another server answers.
+// A browser may refuse to store anything.
+function draft(call, name, ...text) { try { return sessionStorage[`${call}Item`](`flea-draft-${name}`, ...text); } catch { return null; } }
+
 export default {
   template: `
     <dialog class="flea question" :data-name="name" :aria-label="words" @close="closed" @keydown="keyed">
@@ -23,7 +28,15 @@ export default {
     empty_label: String, lost_label: String, about: String,
   },
   emits: ["opened", "said"],
-  mounted() { this.$el.fleaOpen = (alarm) => this.open(alarm); },
+  mounted() {
+    this.$el.fleaOpen = (alarm) => this.open(alarm);
+    const [alarm, text, choice] = JSON.parse(draft("get", this.name) || "[]");
+    if (!text) return;
+    this.open(alarm);
+    this.$refs.field.value = text;
+    if (this.$refs.choice) this.$refs.choice.value = choice;
+    this.waiting = setTimeout(() => this.save(), AGAIN_MS);
+  },
   methods: {
     open(alarm) {
       if (this.$el.open) return;
@@ -39,13 +52,22 @@ export default {
       event.stopPropagation();
       if (event.key === "Enter" && !event.shiftKey && !event.isComposing && event.target === this.$refs.field) { event.preventDefault(); this.save(); }
     },
+    // Without a server the text waits in the open dialog, and is sent as soon as there is one.
     save() {
+      clearTimeout(this.waiting);
       const text = this.$refs.field.value.trim();
       const lost = document.body.classList.contains("lost");
-      if (!text || lost) { this.$refs.trouble.textContent = lost ? this.lost_label : this.empty_label; return; }
-      this.$emit("said", { alarm: this.alarm, text, choice: this.$refs.choice ? this.$refs.choice.value : "" });
+      this.$refs.trouble.textContent = !text ? this.empty_label : lost ? this.lost_label : "";
+      if (!text) return;
+      const choice = this.$refs.choice ? this.$refs.choice.value : "";
+      if (lost) {
+        draft("set", this.name, JSON.stringify([this.alarm, text, choice]));
+        this.waiting = setTimeout(() => this.save(), AGAIN_MS);
+        return;
+      }
+      this.$emit("said", { alarm: this.alarm, text, choice });
       this.$el.close();
     },
-    closed() { this.$refs.field.value = ""; },
+    closed() { clearTimeout(this.waiting); draft("remove", this.name); this.$refs.field.value = ""; },
   },
 };
