@@ -55,10 +55,12 @@ def calibrated_on(bags: Sequence[Path], stand: str = "") -> Any:
     return recordings, calibrate(recordings, place.actuator, 0.1)
 
 
-def design_of(calibration: Any, stand: str = "") -> LawDesign:
+def design_of(
+    calibration: Any, stand: str = "", recordings: Sequence[NominalRecording] = ()
+) -> LawDesign:
     """Columns of a calibration, and of its stand's catalogue."""
     place = load_stand(stand)
-    return LawDesign.of(calibration, str(place.actuator), str(place.faults))
+    return LawDesign.of(calibration, str(place.actuator), str(place.faults), recordings)
 
 
 def kinds(recordings: Sequence[NominalRecording]) -> dict[str, list[NominalRecording]]:

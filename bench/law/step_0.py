@@ -67,7 +67,7 @@ def real(folder: Path) -> Iterator[Figure]:
     bags = imported(folder, "")
     nominal = [bag for bag in bags if "_Nominal_" in bag.name]
     recordings, calibration = calibrated_on(nominal)
-    design = design_of(calibration)
+    design = design_of(calibration, recordings=recordings)
     runs = {r.name: r for r in design.windows(recordings)}
     faulty = kinds(read_faulty([bag for bag in bags if bag not in nominal]))
     names = sorted(runs)

@@ -38,7 +38,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
 from flea_diag.stages.evidence.evidence_verdict import VerdictKnowledge
 from flea_diag.stages.evidence.residual_source import ResidualSource
-from flea_diag.stages.evidence.sensor_modes import ChannelMotion, SensorKnowledge
+from flea_diag.stages.evidence.sensor_modes import ChannelMotion, SensorKnowledge, SensorModes
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import limits_of
 from flea_diag.stages.isolator.parameters import Knowledge
@@ -63,12 +63,14 @@ class EvidenceStand:
         answers = answers_of(known, calibration.parameters, self.law.relations)
         scans = max(1, round(WINDOW_S / calibration.period_s))
         current, load, way, *speeds = motion_signals(rows)
+        moving = current, load, way, speed_signal(rows)
         motions = _motions(rows, calibration.parameters).values()
         slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
+        known_by = self.knowledge.hypotheses[0]
         columns = StreamColumns(
             self.law.relations, frozenset(rows.in_motion), signal_names(known),
-            (current, load, way), self.knowledge.hypotheses[0].acting, slow, calibration.period_s,
-            scans,
+            moving, known_by.acting, slow, known.relations.stop,
+            self.law.travel, calibration.period_s, scans,
         )  # fmt: skip
         judge = EvidenceStage(self.knowledge, columns, self.sensors)
         return Pipeline((ResidualSource(calibration, known, answers), judge))
@@ -94,19 +96,18 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
         StreamHypotheses.of(law, columns, signatures, friction, another, rooms)
         for another in (False, True)
     )
-    limits = limits_of(
-        len({model.fault for model in signatures.models}),
-        calibration.false_alarms_per_hour,
-        ONSETS_PER_HOUR,
-    )
     told = knowledge(stand, calibration)
+    sensors = _sensors(told)
+    # Faults that their own tests find raise no alarm by the relations.
+    judged = {model.fault for model in signatures.models} - set(SensorModes(sensors).faults)
+    limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
     verdict = VerdictKnowledge(
         signatures.models, law.relations, told.faults, told.calibration_sha256,
         calibration.promise.stated_per_hour, calibration.promise.supported_per_hour,
         shows_from(law.visible),
     )  # fmt: skip
     judged_by = EvidenceKnowledge((made[0], made[1]), limits, verdict)
-    return EvidenceStand(calibration, known, _sensors(told), law, judged_by)
+    return EvidenceStand(calibration, known, sensors, law, judged_by)
 
 
 def _sensors(told: Knowledge) -> SensorKnowledge:

@@ -22,7 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.run_law.run_windows import FORMED, TURNS, own_name
+from flea_diag.core.run_law.run_windows import (
+    FORMED,
+    PLACE,
+    WindowMotion,
+    along,
+    left_out,
+    own_name,
+)
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -42,8 +49,8 @@ class LawWindow:
         a value, shape (relations, signals): what recordings differ by acts by these.
     read
         The same as they are read: what a sensor's error does is a share of its reading.
-    turning
-        Whether it holds a reversal or a standstill.
+    motion
+        What the noise grows with, shape (``MOTIONS``,).
     stands
         Whether it stands against a push that no friction of a healthy machine withstands.
     """
@@ -51,7 +58,7 @@ class LawWindow:
     values: Array
     signals: Array
     read: Array
-    turning: bool
+    motion: Array
     stands: bool
 
 
@@ -61,19 +68,23 @@ class LawWindowMeans:
     Parameters
     ----------
     relations, signals
-        Of the law; the last ones, ``FORMED``, are made here of current, load and direction.
+        Of the law; the last ones, ``FORMED``, are made here of current, load, direction and
+        place.
     names
         Columns of the table of regressors; a relation takes those of its own where it has any.
     motion
-        Names of current, load and direction among the signals.
+        Names of current, load, direction and speed among the signals.
     acting
         By which signals anything acts in a relation, shape (relations, signals): it says nothing
         where one of them is missing.
+    travel
+        Ends of the healthy one; empty: not known.
     """
 
     def __init__(
         self, relations: Sequence[str], signals: Sequence[str], names: Sequence[str],
-        motion: tuple[str, str, str], acting: Flags, period_s: float, scans: int,
+        motion: tuple[str, str, str, str], acting: Flags, travel: tuple[float, ...],
+        period_s: float, scans: int,
     ) -> None:  # fmt: skip
         place = {name: k for k, name in enumerate(names)}
         formed = [name for name in signals if name not in FORMED]
@@ -81,7 +92,10 @@ class LawWindowMeans:
             [[place.get(own_name(r, s), place[s]) for s in formed] for r in relations], dtype=int
         )
         self._read = np.array([place[s] for s in formed], dtype=int)
-        self._current, self._load, self._way = (formed.index(name) for name in motion)
+        places = (formed.index(name) for name in motion)
+        self._current, self._load, self._way, self._speed = places
+        self._moves = WindowMotion()
+        self._place, self._travel = place[PLACE], travel
         self._acting = acting[:, : len(formed)]
         self._period_s, self._scans = period_s, scans
         self._before: Array | None = None
@@ -120,9 +134,9 @@ class LawWindowMeans:
         before = current[:1] if self._before is None else self._before
         self._before = current[-1:]
         rate = np.diff(current, axis=0, prepend=before) / self._period_s
-        way = formed[..., self._way]
-        drag, turn = np.abs(formed[..., self._load]) * way, way * (1.0 - np.square(way))
-        return np.concatenate((formed, np.stack((rate, drag, turn), axis=-1)), axis=-1)
+        load, way = formed[..., self._load], formed[..., self._way]
+        place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
+        return np.concatenate((formed, left_out(rate, load, way, place)), axis=-1)
 
     def _mean(self, window: slice) -> LawWindow:
         values, signals = self._values[window], self._signals[window]
@@ -131,7 +145,7 @@ class LawWindowMeans:
         share = known / np.maximum(found, 1)
         means = (np.nan_to_num(values) * share).sum(axis=0)
         means[2 * found <= len(values)] = np.nan
-        way = float(signals[:, 0, self._way].mean())
+        motion = self._moves.step(*(signals[:, 0, k] for k in (self._way, self._load, self._speed)))
         told = np.einsum("nr,nrs->rs", share, signals[:, 1:])
         stands = 2 * int(self._stands[window].sum()) > len(values)
-        return LawWindow(means, told, share.T @ signals[:, 0], abs(way) < TURNS, stands)
+        return LawWindow(means, told, share.T @ signals[:, 0], motion, stands)

@@ -100,15 +100,15 @@ class WhiteStream:
         left, psi, unit = h.own(window, self._before + self.windows)
         eta, covariance = self._known()
         rows = np.column_stack((np.where(known, left, 0.0), psi))
-        sigma = h.noise.sigma[:, None]
-        raw = np.where(known, standardised(rows / sigma, eta, covariance), 0.0)
+        loud = h.noise.loudness(window.motion) * h.friction.loudness(window)
+        sigma = h.noise.sigma
+        raw = np.where(known, standardised(rows / (loud * sigma)[:, None], eta, covariance), 0.0)
         added, growing = h.faults(window, raw)
         gain = self._gains.step(known)
         both = known[:, None] & known
         apart = np.eye(len(known)) - np.where(both, h.noise.shared, 0.0)
-        loud = (h.noise.turning if window.turning else 1.0) * h.friction.loudness(window)
         # Each standstill holds another friction: what is common to them is the last column alone.
-        scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / h.noise.sigma))[:, None]
+        scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / sigma))[:, None]
         white = self._signals.step(apart @ rows, gain) * scale
         self.windows += 1
         deviations = np.where(known, white[:, 0] - white[:, 1:] @ eta, np.nan)

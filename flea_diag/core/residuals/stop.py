@@ -26,12 +26,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+import numpy as np
+import numpy.typing as npt
+
 from flea_diag.core.bond_graph.actuator_model import Actuator
 from flea_diag.core.bond_graph.bond_graph import Element, bond_graph
 from flea_diag.core.bond_graph.travel import WITHIN
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.symbolic.expression import ZERO, derivative, evaluate, symbols
+
+Array = npt.NDArray[np.float64]
 
 REACTION = "stop_reaction"
 """Signal of the source that stands for the stop; positive where it opposes a positive flow."""
@@ -55,6 +60,11 @@ class Stop(Frozen):
     def known(self) -> bool:
         """Whether the ends are known and a channel reads where the part is."""
         return bool(self.channels) and self.low_m < self.high_m
+
+    def near(self, places: Array) -> npt.NDArray[np.bool_]:
+        """Whether the stopped part is within an end, shape (n,); nowhere where none is stated."""
+        low, high = self.low_m + self.within_m, self.high_m - self.within_m
+        return np.asarray((places <= low) | (places >= high))
 
     def contradicts(self, side: int) -> dict[str, str]:
         """Sign of each balance that contact with the lower (-1) or upper (1) stop never gives.

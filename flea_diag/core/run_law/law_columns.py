@@ -36,6 +36,7 @@ from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation
 from flea_diag.core.run_law.run_windows import (
     CURRENT_RATE,
     LOAD_DRAG,
+    OF_PLACE,
     REVERSAL,
     WINDOW_S,
     RunWindows,
@@ -195,11 +196,15 @@ def _own(relation: str, signal: str) -> Term:
 
 
 def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
-    """Load, load times sign of the motion and sign of the motion, where they are no term of it."""
+    """Load, load times sign of the motion and sign of the motion, where they are no term of it.
+
+    Also how load and friction change along the stroke.
+    """
     if row.kind != "junction":
         return
     if row.name != effects.residuals.circuit:
         yield REVERSAL
+        yield from OF_PLACE if effects.residuals.position else ()
     load = motion_signals(effects.residuals)[1]
     if load in effects.relations.signals:
         yield LOAD_DRAG

@@ -156,13 +156,13 @@ class _Learning:
             own.append(law.mean + apart)
             freedom += float(np.einsum("ij,ji->", kept, self.sums.gram[k]))
         left = [self.runs[k].values - self.of(k) @ c for k, c in zip(which, own, strict=True)]
-        turning = [self.runs[k].turning for k in which]
+        motion = [self.runs[k].motion for k in which]
         noise = learned_noise(left, self._sharing)
         white = noise.whitened_all([self.runs[k] for k in which], [self.of(k) for k in which])
         e = [w.left(c) for w, c in zip(white, own, strict=True)]
         share = np.array([w.known.sum(axis=0) for w in white], dtype=float).sum(axis=0)
         unknowns = freedom * share / max(share.sum(), 1.0)
-        self.noise = calibrated(noise, e, [w.known for w in white], turning, unknowns)
+        self.noise = calibrated(noise, e, [w.known for w in white], motion, unknowns)
 
     def _candidates(self) -> Candidates:
         """Sums of recordings, far-out windows counting less, and what each leaves."""
@@ -295,8 +295,8 @@ def _noise_rows(columns: LawColumns, noise: LawNoise) -> tuple[RelationNoise, ..
             float(np.sqrt(noise.white[k])),
             float(np.sqrt(noise.coloured[k])),
             float(noise.phi[k]),
-            float(noise.turning[k]),
             tuple(map(float, noise.shared[k, :k])) if noise.shared[k, :k].any() else (),
+            tuple(map(float, noise.motion[k])),
         )
         for k, name in enumerate(columns.relations)
     )

@@ -16,7 +16,7 @@
 
 Of each relation white and coloured noise in windows (``level_noise`` without a level); relations
 that share a sensor have a part in common, which is taken off each of them by those before it.
-Windows with a reversal or a standstill may be louder. What is far out in a window counts as if it
+It grows with the motion (``motion_noise``). What is far out in a window counts as if it
 were ``BOUND`` standard deviations out, whatever hypothesis it is held against: a spike is no fault.
 """
 
@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.level_noise import LevelNoise, level_noise
+from flea_diag.core.run_law.motion_noise import ANY_MOTION, motion_variances, with_rest
 from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals
 
@@ -39,12 +40,14 @@ BOUND = 3.0
 """Standard deviations beyond which a window counts less: of normal noise 0.3 % are."""
 SHARED = 0.05
 """Correlation between two relations below which none is taken into account."""
-LOUDER = 1.1
-"""Factor of the noise at reversals below which it is taken as 1."""
+LASTING = 10
+"""Windows, 2 s, in which faults are told: what is left in white adds up over them to no more."""
 TOGETHER = 50
 """Recordings that are whitened side by side: memory is bounded by them."""
 LEAST_WINDOWS = 50
-"""Fewer tell neither a correlation nor a factor."""
+"""Fewer tell no correlation, and no factor."""
+MOTION_WINDOWS = 200
+"""Fewer tell nothing of the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +61,23 @@ class LawNoise:
         (relations,).
     shared
         What a relation has of those before it, shape (relations, relations), lower triangle.
-    turning
-        Factor of the standard deviation in windows with a reversal, shape (relations,).
+    motion
+        Shares of the variance at rest and for one of each motion, shape (relations, motions).
     """
 
     white: Array
     coloured: Array
     phi: Array
     shared: Array
-    turning: Array
+    motion: Array
+
+    def loudness(self, motion: Array) -> Array:
+        """Factor of the standard deviation in windows that move so, shape (..., relations)."""
+        return np.asarray(np.sqrt(with_rest(motion) @ self.motion.T))
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of one window, shape (relations,)."""
+        """Standard deviation of one window in the usual motion, shape (relations,)."""
         return np.asarray(np.sqrt(self.white + self.coloured))
 
     @property
@@ -132,8 +139,7 @@ class LawNoise:
         ]
 
     def _of_one(self, run: RunWindows, white: Array, known: Flags, scales: Array) -> WhiteRun:
-        """Windows with a reversal may be louder."""
-        loud = np.where(run.turning[:, None], self.turning, 1.0)
+        loud = self.loudness(run.motion)
         log_scale = np.log(np.where(known, scales / loud, 1.0)).sum()
         return WhiteRun(white / loud[..., None], known, float(log_scale))
 
@@ -170,8 +176,9 @@ def learned_noise(left: Sequence[Array], sharing: Sequence[tuple[int, int]]) -> 
     count = left[0].shape[1]
     noise = level_noise(cut, walks=False)
     plain = LawNoise(
-        noise.white, noise.coloured, noise.phi, np.zeros((count, count)), np.ones(count)
-    )
+        noise.white, noise.coloured, noise.phi, np.zeros((count, count)),
+        np.tile(ANY_MOTION, (count, 1)),
+    )  # fmt: skip
     shared = _shared(np.concatenate(cut), sharing)
     if not shared.any():
         return plain
@@ -186,40 +193,58 @@ def learned_noise(left: Sequence[Array], sharing: Sequence[tuple[int, int]]) -> 
 
 
 def calibrated(
-    noise: LawNoise, left: Sequence[Array], known: Sequence[Flags], turning: Sequence[Flags],
+    noise: LawNoise, left: Sequence[Array], known: Sequence[Flags], motion: Sequence[Array],
     unknowns: Array,
 ) -> LawNoise:  # fmt: skip
-    """The same noise, so that what is left in white has a mean square of 1 but for what is far out.
+    """The same noise by how it grows with the motion, so that what is left is as large as it says.
+
+    That is in single windows, far-out ones counting less, or where they add up to more over
+    ``LASTING`` windows, in these.
 
     Parameters
     ----------
     left
-        White residuals of each recording, shape (windows, relations).
+        White residuals of each recording in the same noise in every motion, (windows, relations).
     unknowns
         Coefficients that they have been freed of, for each relation.
     """
-    e, k, t = np.concatenate(left), np.concatenate(known), np.concatenate(turning)
-    loud = np.array([_factor(e[:, j], k[:, j], t) for j in range(e.shape[1])])
-    e = e / np.where(t[:, None], loud, 1.0)
-    counts = np.maximum(k.sum(axis=0) - unknowns, 1.0)
-    bounded = np.where(k, np.minimum(np.abs(e), BOUND), 0.0)
-    square = np.square(bounded).sum(axis=0) / counts / WITHIN
-    found = np.where(k.sum(axis=0) >= LEAST_WINDOWS, np.sqrt(np.maximum(square, 1e-12)), 1.0)
-    return replace(noise.scaled(found), turning=noise.turning * loud)
+    e, k, m = np.concatenate(left), np.concatenate(known), np.concatenate(motion)
+    parts = np.array([_of_motion(e[:, j], k[:, j], m) for j in range(e.shape[1])])
+    usual = parts @ with_rest(m).mean(axis=0)
+    sigma = np.sqrt(usual)
+    noise = replace(noise.scaled(sigma), motion=parts / usual[:, None])
+    pairs = zip(left, known, motion, strict=True)
+    white = [
+        np.where(k, np.clip(e / sigma / noise.loudness(m), -BOUND, BOUND), 0.0) for e, k, m in pairs
+    ]
+    counts, count = k.sum(axis=0), np.maximum(k.sum(axis=0) - unknowns, 1.0)
+    square = np.square(np.concatenate(white)).sum(axis=0) / count / WITHIN
+    square *= np.maximum(_lasting(white), 1.0)
+    found = np.where(counts >= LEAST_WINDOWS, np.sqrt(np.maximum(square, 1e-12)), 1.0)
+    return noise.scaled(found)
 
 
 WITHIN = 0.9950
 """Mean square of a standard normal variable that is cut off at ``BOUND``."""
 
 
-def _factor(e: Array, known: Flags, turning: Flags) -> float:
-    """By how much a relation is louder at reversals."""
-    there, else_ = known & turning, known & ~turning
-    if min(there.sum(), else_.sum()) < LEAST_WINDOWS:
-        return 1.0
-    squares = [np.square(np.clip(e[w], -BOUND, BOUND)).mean() for w in (there, else_)]
-    factor = float(np.sqrt(squares[0] / max(squares[1], 1e-12)))
-    return factor if factor > LOUDER else 1.0
+def _of_motion(e: Array, known: Flags, motion: Array) -> Array:
+    """Variance of one relation at rest and for one of each motion, (1 + motions,)."""
+    if known.sum() < MOTION_WINDOWS:
+        return np.array(ANY_MOTION)
+    return motion_variances(np.square(e[known]), motion[known], BOUND**2)
+
+
+def _lasting(white: Sequence[Array]) -> Array:
+    """Mean square of sums over ``LASTING`` windows, over that of windows that are independent.
+
+    Less one standard error: so much may be chance.
+    """
+    parts = [e[: len(e) // LASTING * LASTING].reshape(-1, LASTING, e.shape[1]) for e in white]
+    every = np.concatenate(parts)
+    squares = np.square(every).sum(axis=(0, 1))
+    ratio = np.square(every.sum(axis=1)).sum(axis=0) / np.maximum(squares, 1e-300)
+    return np.asarray(ratio / (1.0 + np.sqrt(2.0 / max(len(every), 1))))
 
 
 def _robust_sigma(left: Sequence[Array], column: int) -> float:

@@ -34,7 +34,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.run_law.law_columns import NEGLECTED
 from flea_diag.core.run_law.law_noise import LawNoise
+from flea_diag.core.run_law.motion_noise import ANY_MOTION
 from flea_diag.core.run_law.restricted_likelihood import Spread
 from flea_diag.fields.values import Count, NotNegative, Positive, within
 
@@ -64,15 +66,16 @@ class LawTerm(Frozen):
 class RelationNoise(Frozen):
     """Noise of one relation in windows, in its unit.
 
-    ``turning`` is its factor at reversals, ``shared`` what it has of the relations before it.
+    ``shared`` is what it has of the relations before it, ``motion`` its variance at rest and for
+    one of each of ``MOTIONS``, over that of the noise; empty: the same in every motion.
     """
 
     relation: str
     white: NotNegative
     coloured: NotNegative
     phi: Annotated[float, within(0.0, 1.0)]
-    turning: Positive = 1.0
     shared: tuple[float, ...] = ()
+    motion: tuple[NotNegative, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +159,8 @@ class RunLaw(Frozen):
         Of what moves within a recording; the longest that is told from a constant.
     usual_speed
         Median speed in motion, in the unit of the signal that is the speed; 0: not known.
+    travel
+        Lowest and highest place along the stroke; empty: not known.
     """
 
     terms: tuple[LawTerm, ...]
@@ -170,6 +175,7 @@ class RunLaw(Frozen):
     """Recordings that it was learned without, and why."""
     visible: tuple[VisibleSize, ...] = ()
     usual_speed: NotNegative = 0.0
+    travel: tuple[float, ...] = ()
 
     @property
     def relations(self) -> tuple[str, ...]:
@@ -183,8 +189,9 @@ class RunLaw(Frozen):
         shared = np.zeros((count, count))
         for place, row in enumerate(self.noise):
             shared[place, : len(row.shared)] = row.shared
-        rows = np.array([(r.white, r.coloured, r.phi, r.turning) for r in self.noise]).T
-        return LawNoise(np.square(rows[0]), np.square(rows[1]), rows[2], shared, rows[3])
+        rows = np.array([(r.white, r.coloured, r.phi) for r in self.noise]).T
+        motion = np.array([r.motion or ANY_MOTION for r in self.noise])
+        return LawNoise(np.square(rows[0]), np.square(rows[1]), rows[2], shared, motion)
 
     @cached_property
     def mean(self) -> Array:
@@ -193,8 +200,14 @@ class RunLaw(Frozen):
 
     @cached_property
     def run_variance(self) -> Array:
-        """Variances between recordings that a claim is held against, shape (terms,)."""
-        return np.square([term.claim_sigma or term.run_sigma for term in self.terms])
+        """Variances between recordings that a claim is held against, shape (terms,).
+
+        What the relations neglect is no claim: its variance is small, and stays as it was found.
+        """
+        return np.square([
+            term.run_sigma if term.kind == NEGLECTED else term.claim_sigma or term.run_sigma
+            for term in self.terms
+        ])  # fmt: skip
 
     @cached_property
     def unit_variance(self) -> Array:
@@ -231,9 +244,16 @@ class RunLaw(Frozen):
         count = len(self.terms)
         if [len(row) for row in self.mean_covariance] != list(range(1, count + 1)):
             wrong.append(f"mean_covariance is no lower triangle of {count} rows")
+        if self.travel and (len(self.travel) != 2 or not self.travel[0] <= self.travel[1]):
+            wrong.append("travel is not the lowest and the highest place")
         for place, row in enumerate(self.noise):
             if len(row.shared) > place:
                 wrong.append(f"noise of {row.relation}: shared has more than {place} numbers")
+            if row.motion and (len(row.motion) != len(ANY_MOTION) or not row.motion[0]):
+                wrong.append(
+                    f"noise of {row.relation}: motion is not {len(ANY_MOTION)} numbers "
+                    "of which the first is positive"
+                )
             if not row.white + row.coloured > 0.0:
                 wrong.append(f"noise of {row.relation} is 0")
         return wrong

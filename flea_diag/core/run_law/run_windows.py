@@ -24,7 +24,6 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
 
@@ -34,10 +33,38 @@ Flags = npt.NDArray[np.bool_]
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
 CURRENT_RATE, LOAD_DRAG, REVERSAL = "current_rate", "load_drag", "reversal"
-FORMED = (CURRENT_RATE, LOAD_DRAG, REVERSAL)
-"""Signals of the law behind those of the faults, in the order of ``with_neglected``."""
+OF_PLACE = ("load_by_place", "load_by_place_squared", "way_by_place", "way_by_place_squared")
+FORMED = (CURRENT_RATE, LOAD_DRAG, REVERSAL, *OF_PLACE)
+"""Signals of the law behind those of the faults, in the order of ``left_out``."""
+PLACE = "place"
+"""Column of a table of regressors: where along the stroke the machine is."""
 TURNS = 0.99
 """Share of the full sign of the motion below which a window holds a reversal or a standstill."""
+MOTIONS = ("turning", "load", "speed", "acceleration", "jerk")
+"""What the noise grows with: sensors lag behind each other, and no description is exact."""
+
+
+class WindowMotion:
+    """How a machine moves, window by window."""
+
+    def __init__(self) -> None:
+        self._speed: float | None = None
+        self._change: float | None = None
+
+    def step(self, direction: Array, load: Array, speed: Array) -> Array:
+        """Of the scans of the next window; in the order of ``MOTIONS``.
+
+        1 with a reversal or a standstill; squares of the mean load and speed, of the change of the
+        speed over the window and of the change of that from the window before.
+        """
+        load, speed = np.nan_to_num(load), np.nan_to_num(speed)
+        before = float(speed[0]) if self._speed is None else self._speed
+        self._speed = float(speed[-1])
+        change = self._speed - before
+        jerk = change - (change if self._change is None else self._change)
+        self._change = change
+        turns = float(abs(float(np.nan_to_num(direction).mean())) < TURNS)
+        return np.square([turns, float(load.mean()), float(speed.mean()), change, jerk])
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +80,15 @@ class RunWindows:
     signals
         Means over the scans in which each residual has a value, shape (windows, relations,
         signals).
-    turning
-        Windows with a reversal or a standstill, shape (windows,).
+    motion
+        What the noise grows with, shape (windows, ``MOTIONS``).
     """
 
     name: str
     unit: str
     values: Array
     signals: Array
-    turning: Flags
+    motion: Array
 
     def __len__(self) -> int:
         return len(self.values)
@@ -69,7 +96,7 @@ class RunWindows:
     def part(self, windows: slice) -> RunWindows:
         """Some of the windows, as a recording of its own."""
         values, signals = self.values[windows], self.signals[windows]
-        return RunWindows(self.name, self.unit, values, signals, self.turning[windows])
+        return RunWindows(self.name, self.unit, values, signals, self.motion[windows])
 
 
 def speed_signal(rows: ResidualSet) -> str:
@@ -94,20 +121,39 @@ def signal_names(effects: EffectSet) -> tuple[str, ...]:
     return (*effects.names, *FORMED)
 
 
-def with_neglected(regressors: Array, effects: EffectSet, period_s: float) -> Array:
+def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place: Array) -> Array:
     """Basis signals of n scans, shape (n, signals), and behind them what relations leave out.
 
-    The rate of the current, by which a winding's inductance acts, or two channels of the circuit
-    that lag behind each other; the load times the sign of the motion, by which a load rubs; and
-    what the smooth sign of the motion leaves out at a reversal, where dry friction has its peak.
+    ``place`` along the stroke, shape (n,), as of ``along``.
     """
-    current, load = (_column(regressors, effects, name) for name in motion_signals(
-        effects.residuals)[:2])  # fmt: skip
+    current, load, way = (_column(regressors, effects, name) for name in motion_signals(
+        effects.residuals)[:3])  # fmt: skip
     rate = np.diff(current, prepend=current[:1]) / period_s
-    way = _column(regressors, effects, DIRECTION)
-    drag = np.abs(load) * way
+    behind = left_out(rate, load, way, place)
+    return np.concatenate((regressors[:, : len(effects.names)], behind), axis=-1)
+
+
+def along(places: Array, travel: tuple[float, ...]) -> Array:
+    """Places along the stroke: -1 and 1 at the ends of the healthy travel, 0 where not known."""
+    if not travel or travel[0] == travel[1]:
+        return np.zeros(len(places))
+    low, high = travel
+    return np.nan_to_num(np.clip((2.0 * places - low - high) / (high - low), -1.0, 1.0))
+
+
+def left_out(rate: Array, load: Array, way: Array, place: Array) -> Array:
+    """What relations leave out, shape (..., ``FORMED``).
+
+    The rate of the current, by which a winding's inductance acts, or two channels of the circuit
+    that lag behind each other; the load times the sign of the motion, by which a load rubs; what
+    the smooth sign of the motion leaves out at a reversal, where dry friction has its peak; and how
+    lever arms and friction change along the stroke.
+    """
+    # Legendre polynomials: over the travel neither looks like the load or the way alone.
+    apart = place, 1.5 * np.square(place) - 0.5
+    changing = (signal * by for signal in (load, way) for by in apart)
     turn = way * (1.0 - np.square(way))
-    return np.column_stack((regressors[:, : len(effects.names)], rate, drag, turn))
+    return np.stack((rate, np.abs(load) * way, turn, *changing), axis=-1)
 
 
 def own_name(relation: str, signal: str) -> str:
@@ -138,16 +184,17 @@ def answering(
 
 
 def windows_of(
-    name: str, unit: str, values: Array, signals: Array, direction: Array, scans: int
-) -> RunWindows:
+    name: str, unit: str, values: Array, signals: Array, motion: tuple[Array, Array, Array],
+    scans: int,
+) -> RunWindows:  # fmt: skip
     """Windows of so many scans; what is left at the end is dropped.
 
     Parameters
     ----------
     values, signals
         Of each scan, shape (n, relations) and (n, relations, signals).
-    direction
-        Smooth sign of the motion, shape (n,).
+    motion
+        Smooth sign of the motion, load and speed, each of shape (n,).
     """
     count = len(values) // scans
     values = values[: count * scans].reshape(count, scans, values.shape[1])
@@ -157,9 +204,11 @@ def windows_of(
     share = known / np.maximum(found, 1)[:, None]
     means = (np.nan_to_num(values) * share).sum(axis=1)
     means[2 * found <= scans] = np.nan
-    way = np.nan_to_num(direction[: count * scans]).reshape(count, scans)
-    turning = np.abs(way.mean(axis=1)) < TURNS
-    return RunWindows(name, unit, means, np.einsum("tnr,tnrs->trs", share, signals), turning)
+    moves, form = WindowMotion(), (count, scans)
+    every = (each[: count * scans].reshape(form) for each in motion)
+    rows = [moves.step(*window) for window in zip(*every, strict=True)]
+    moved = np.array(rows).reshape(count, len(MOTIONS))
+    return RunWindows(name, unit, means, np.einsum("tnr,tnrs->trs", share, signals), moved)
 
 
 def in_motion_only(

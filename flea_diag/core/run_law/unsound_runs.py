@@ -157,10 +157,11 @@ def sound_runs(of: Candidates) -> RunsJudged:
     of_motion: tuple[UnsoundRun, ...] = ()
     while True:
         judged = _sound_beside(of, kept)
-        shared = _of_every_unit(of, judged.unsound)
+        unlike = judged.unsound + judged.contradicting
+        shared = _of_every_unit(of, unlike) & ~kept
         if not shared.any():
             return judged._replace(of_motion=of_motion)
-        of_motion += tuple(found for found in judged.unsound if shared[found.place])
+        of_motion += tuple(found for found in unlike if shared[found.place])
         kept = kept | shared
 
 

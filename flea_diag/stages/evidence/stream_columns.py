@@ -22,6 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
+from flea_diag.core.residuals.stop import Stop
+from flea_diag.core.run_law.run_windows import PLACE
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
@@ -35,21 +37,25 @@ class StreamColumns:
     ----------
     relations
         Of the law, in its order; ``in_motion`` are those that mean nothing at rest.
-    signals, motion, acting
+    signals, motion, acting, travel
         See ``LawWindowMeans``.
     slow
         Signals that are speeds, and what none of them exceeds at a standstill.
+    stop
+        Ends of travel, where a hard stop may push, and the relations that this enters.
     """
 
     def __init__(
         self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
-        motion: tuple[str, str, str], acting: Flags, slow: Mapping[str, float], period_s: float,
-        scans: int,
+        motion: tuple[str, str, str, str], acting: Flags, slow: Mapping[str, float], stop: Stop,
+        travel: tuple[float, ...], period_s: float, scans: int,
     ) -> None:  # fmt: skip
         self._relations, self._signals, self._motion = relations, signals, motion
+        self._pushed = np.array([name in stop.reactions for name in relations], dtype=bool)
         self._gated = np.array([name in in_motion for name in relations], dtype=bool)
         self._period_s, self._scans = period_s, scans
-        self._acting, self._slow = acting, slow
+        self._acting, self._slow, self._stop = acting, slow, stop
+        self._travel = travel
         self._means: LawWindowMeans | None = None
         self._places: list[int] = []
 
@@ -59,12 +65,14 @@ class StreamColumns:
             names = block.regressor_names
             self._places = [block.names.index(name) for name in self._relations]
             self._means = LawWindowMeans(
-                self._relations, self._signals, names, self._motion, self._acting, self._period_s,
-                self._scans,
+                self._relations, self._signals, names, self._motion, self._acting, self._travel,
+                self._period_s, self._scans,
             )  # fmt: skip
         values = block.values[:, self._places]
         resting = block.regressors[:, -1] <= 0.5
-        values = np.where(resting[:, None] & self._gated, np.nan, values)
+        pushed = self._stop.near(block.regressors[:, block.regressor_names.index(PLACE)])
+        void = (resting[:, None] & self._gated) | (pushed[:, None] & self._pushed)
+        values = np.where(void, np.nan, values)
         return self._means.add(values, block.regressors, ~resting & self._stand(block))
 
     def _stand(self, block: ResidualBlock) -> Flags:

@@ -44,7 +44,7 @@ class ObserverChain:
 
     def __init__(
         self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters,
-        answers: Sequence[Answer] = (),
+        answers: Sequence[Answer] | None = None,
     ) -> None:  # fmt: skip
         self._calibration = calibration
         self._answers = answers

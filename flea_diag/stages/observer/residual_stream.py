@@ -86,7 +86,7 @@ class ResidualStream:
         estimate: StateEstimate,
         warm_up_s: float,
         backend: str,
-        answers: Sequence[Answer] = (),
+        answers: Sequence[Answer] | None = None,
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns

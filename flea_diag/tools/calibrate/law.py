@@ -35,7 +35,7 @@ from flea_diag.core.run_law.run_windows import (
     usual_speed,
 )
 from flea_diag.core.run_law.visible_sizes import limit_nats, visible_sizes
-from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
+from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork, travel_of
 from flea_diag.tools.calibrate.law_words import reason_of
 from flea_diag.tools.calibrate.limit_sizes import with_limits
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
@@ -55,9 +55,14 @@ class LawDesign:
     faults: FaultColumns
 
     @classmethod
-    def of(cls, calibration: Calibration, actuator: str, faults: str) -> LawDesign:
-        """From the description and the catalogue."""
+    def of(
+        cls, calibration: Calibration, actuator: str, faults: str,
+        recordings: Sequence[NominalRecording] = (),
+    ) -> LawDesign:  # fmt: skip
+        """From the description, the catalogue and where healthy recordings have moved."""
         work = WindowWork.of(calibration, actuator, faults)
+        moved = (recording.run.rows for recording in recordings)
+        work = replace(work, travel=travel_of(moved, work.effects().residuals))
         effects, parameters = work.effects(), calibration.parameters
         differences = effects.differences
         tolerance = dict(zip(differences, calibration.differences(differences), strict=True))
@@ -88,7 +93,7 @@ class LawDesign:
         seen = visible_sizes(fit.law, fit.columns, self.faults, fit.sound, limit, DROP_NATS)
         both = with_limits(seen, calibration, self.work, self.faults, recordings, sharing)
         usual = usual_speed(fit.sound, self.work.effects(), self.work.relations)
-        return replace(fit.law, visible=tuple(both), usual_speed=usual)
+        return replace(fit.law, visible=tuple(both), usual_speed=usual, travel=self.work.travel)
 
 
 TOO_MANY = (
@@ -139,7 +144,7 @@ class LawOfRecordings:
         """Learn it; nothing without a catalogue, or without a relation that a law could be of."""
         if faults is None:
             return cls()
-        design = LawDesign.of(calibration, str(actuator), str(faults))
+        design = LawDesign.of(calibration, str(actuator), str(faults), recordings)
         runs = design.windows(recordings, sharing)
         runs = [run for run in runs if len(run) >= LEAST_WINDOWS // 5]
         why = _unfit(design, runs)

@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,12 +26,15 @@ import numpy.typing as npt
 
 from flea_diag.configuration.description import compiled_relations, effects_of
 from flea_diag.core.calibration.nominal_trace import voltage_usable
+from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.run_law.run_windows import (
     WINDOW_S,
     RunWindows,
+    along,
     answering,
     in_motion_only,
+    speed_signal,
     windows_of,
     with_neglected,
 )
@@ -41,7 +45,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.likelihood.effect_set import EffectSet
     from flea_diag.core.residuals.parameters import ActuatorParameters
-    from flea_diag.core.residuals.residual_rows import ResidualRows
+    from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
 
 Array = npt.NDArray[np.float64]
@@ -54,11 +58,24 @@ class WindowItem(NamedTuple):
     unit: str
 
 
+def place_of(readings: Array, rows: ResidualSet) -> Array:
+    """Places along the stroke, shape (n,); NaN where this stand reads none."""
+    return readings[:, rows.index[rows.position]] if rows.position else np.full(len(readings), nan)
+
+
+def travel_of(recordings: Iterable[Array], rows: ResidualSet) -> tuple[float, ...]:
+    """Lowest and highest place along the stroke; empty where none is read."""
+    places = [place_of(readings, rows) for readings in recordings]
+    read = np.concatenate(places) if places else np.empty(0)
+    read = read[np.isfinite(read)]
+    return (float(read.min()), float(read.max())) if len(read) else ()
+
+
 @dataclass(frozen=True)
 class WindowWork:
     """Work on one recording; relations and effects are made where it is done.
 
-    ``relations`` are those that the law is of.
+    ``relations`` are those that the law is of, ``travel`` the ends of the healthy one.
     """
 
     actuator: str
@@ -68,6 +85,7 @@ class WindowWork:
     voltage_limit_v: float
     period_s: float
     relations: tuple[str, ...]
+    travel: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, calibration: Calibration, actuator: str, faults: str) -> WindowWork:
@@ -97,6 +115,10 @@ class WindowWork:
             found.leave_out(~good, rows.needing(rows.voltage))
         return found
 
+    def along(self, readings: Array, rows: ResidualSet) -> Array:
+        """Places along the healthy travel, shape (n,)."""
+        return along(place_of(readings, rows), self.travel)
+
     def windows(self, item: WindowItem) -> RunWindows:
         """Windows of a recording; predicted temperatures follow no sensor in it."""
         effects = self.effects()
@@ -106,19 +128,20 @@ class WindowWork:
             formed.values[:, rows.columns(self.relations)], formed.moving, rows, self.relations
         )
         table = RegressorTable(effects, self.parameters)
-        plain = with_neglected(table.rows(readings, formed), effects, self.period_s)
+        where, moving = self.along(readings, rows), (motion_signals(rows)[1], speed_signal(rows))
+        plain = with_neglected(table.rows(readings, formed), effects, self.period_s, where)
         signals = np.repeat(plain[:, None], len(self.relations), axis=1)
         for place, column, gain in answering(effects, self.parameters, self.relations):
             told = replace(formed, signals=formed.signals.copy())
             told.signals[:, column] -= np.nan_to_num(values[:, place]) / gain
             own = table.rows(readings, told)
-            signals[:, place] = with_neglected(own, effects, self.period_s)
+            signals[:, place] = with_neglected(own, effects, self.period_s, where)
         return windows_of(
             item.run.name,
             item.unit,
             values,
             signals,
-            formed.motion[:, 1],
+            (formed.motion[:, 1], *(plain[:, effects.names.index(n)] for n in moving)),
             max(1, round(WINDOW_S / self.period_s)),
         )
 

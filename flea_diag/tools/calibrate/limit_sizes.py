@@ -62,7 +62,8 @@ class LimitWork:
         rows, c, readings = effects.residuals, self.calibration, item.run.rows
         formed = self.windows.formed(effects, readings, frozen=False)
         table = RegressorTable(effects, c.parameters).rows(readings, formed)
-        signals = np.nan_to_num(with_neglected(table, effects, c.period_s))
+        where = self.windows.along(readings, rows)
+        signals = np.nan_to_num(with_neglected(table, effects, c.period_s, where))
         onset = int(BEFORE * len(readings))
         until = min(len(readings), onset + round(FOLLOWED_S / c.period_s))
         formed = _part(formed, slice(0, until))

@@ -44,7 +44,7 @@ MODELS = (
 SIZE = 0.2
 VISIBLE = tuple(VisibleSize(m.fault, "bias", "", SIZE, SIZE, SIZE) for m in MODELS)
 TERMS = (LawTerm("zero", FREE, 0.3, 0.5, 0.6), LawTerm("friction", UNIT, -0.2, 0.1, 0.4))
-NOISE = (RelationNoise("first", 0.6, 0.7, 0.6), RelationNoise("second", 0.4, 0.3, 0.8, 1.0, (0.3,)))
+NOISE = (RelationNoise("first", 0.6, 0.7, 0.6), RelationNoise("second", 0.4, 0.3, 0.8, (0.3,)))
 LAW = RunLaw(TERMS, NOISE, ((0.01,), (0.0, 0.02)), 8, 1, 1e9, visible=VISIBLE)
 
 
@@ -55,7 +55,7 @@ def columns() -> LawColumns:
     return LawColumns(RELATIONS, entries, design, 1)
 
 
-NOTHING_HELD = np.zeros((2, 3))
+NOTHING_HELD, NO_MOTION = np.zeros((2, 3)), np.zeros(5)
 
 
 def hypotheses(*rooms: str, dry: np.ndarray = NOTHING_HELD) -> StreamHypotheses:
@@ -68,7 +68,7 @@ def windows(values: np.ndarray, stands: slice = slice(0)) -> list[LawWindow]:
     held[stands] = True
     signals = [np.tile([1.0, 0.0, v], (2, 1)) for v in speed]
     rows = zip(values, signals, held.tolist(), strict=True)
-    return [LawWindow(row, s, s, False, stood) for row, s, stood in rows]
+    return [LawWindow(row, s, s, NO_MOTION, stood) for row, s, stood in rows]
 
 
 def dense(count: int, onset: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
@@ -188,7 +188,7 @@ def test_a_window_that_passes_little_of_the_stroke_says_little() -> None:
     dry[0, 2] = 12.0
     friction, row = Friction(dry, 2, 80.0), np.zeros(2)
     signals = {v: np.tile([1.0, 0.0, v], (2, 1)) for v in (100.0, -20.0, 0.0)}
-    made = {v: LawWindow(row, s, s, False, False) for v, s in signals.items()}
+    made = {v: LawWindow(row, s, s, NO_MOTION, False) for v, s in signals.items()}
     np.testing.assert_array_equal(friction.loudness(made[100.0]), [1.0, 1.0])
     np.testing.assert_array_equal(friction.loudness(made[-20.0]), [2.0, 1.0])
     np.testing.assert_allclose(friction.loudness(made[0.0]), [20.0**0.5, 1.0])
@@ -247,9 +247,9 @@ def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
 
 def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     draw = np.random.default_rng(4)
-    names = ("one", "current", "load", "way", "second: current")
+    names = ("one", "current", "load", "way", "second: current", "place")
     signals = ("one", "current", "load", "way", *FORMED)
-    table, values = draw.standard_normal((95, 5)), draw.standard_normal((95, 2))
+    table, values = draw.standard_normal((95, 6)), draw.standard_normal((95, 2))
     values[3:40, 1] = np.nan
 
     stands = np.arange(95) >= 65
@@ -258,8 +258,8 @@ def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     table[40:52, 2] = np.nan
 
     def means() -> LawWindowMeans:
-        motion = "current", "load", "way"
-        return LawWindowMeans(RELATIONS, signals, names, motion, acting, 0.01, 20)
+        motion = "current", "load", "way", "way"
+        return LawWindowMeans(RELATIONS, signals, names, motion, acting, (-2.0, 2.0), 0.01, 20)
 
     whole, parts = means(), means()
     every = list(whole.add(values, table, stands))
@@ -269,6 +269,7 @@ def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     for (_, one), (_, other) in zip(every, single, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
         np.testing.assert_array_equal(one.signals, other.signals)
+        np.testing.assert_array_equal(one.motion, other.motion)
     assert np.isnan(every[0][1].values[1])
     assert np.isnan(every[2][1].values).tolist() == [True, False], "its load is missing"
     assert [window.stands for _, window in every] == [False, False, False, True]

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.places import WING
 
@@ -66,6 +67,14 @@ def test_ends_that_are_not_stated_come_from_the_range_of_a_position_channel() ->
 def test_stated_ends_are_kept() -> None:
     stop = Stop(0.0, 0.1, 0.002, ("load_position",))
     assert stop.within({"load_position": (0.0, 0.05)}) is stop
+
+
+def test_what_is_within_an_end_is_near_it_and_nothing_where_none_is_stated() -> None:
+    at_an_end = Stop(0.0, 0.1, 0.002).near(np.array([-0.001, 0.0019, 0.0981]))
+    assert at_an_end.all()
+    assert not Stop(0.0, 0.1, 0.002).near(np.array([0.0021, 0.05, 0.0979, math.nan])).any()
+    places = np.array([0.0, 0.05])
+    assert not Stop().near(places).any()
 
 
 def test_without_a_sensor_of_the_displacement_there_is_no_end_to_see() -> None:

@@ -177,6 +177,20 @@ def test_what_a_recording_of_every_unit_shows_is_of_its_motion(units):
         assert len(fit.sound) == len(runs)
 
 
+def test_two_motions_of_every_unit_do_not_contradict_the_others():
+    """A third of the recordings are of two kinds that the description lacks: of no defect."""
+    rng = np.random.default_rng(13)
+    drags = (0.0, 0.0, 0.0, 0.0, 4.0, -4.0)
+    runs = [
+        recording(rng, (drag + 0.1 * rng.standard_normal(), 0.0), name=f"{u}_{k}", unit=str(u))
+        for u in range(4) for k, drag in enumerate(drags)
+    ]  # fmt: skip
+    fit = law_of(runs)
+    assert {runs[row.place].name[-1] for row in fit.of_motion} == {"4", "5"}
+    assert (fit.unsound, fit.contradicting) == ((), ())
+    assert len(fit.sound) == len(runs)
+
+
 def test_a_relation_that_is_noisy_in_one_motion_of_every_unit_is_kept():
     rng = np.random.default_rng(12)
     runs = [recording(rng, (0.0, 0.0), name=f"{u}_{k}", unit=str(u)) for u in range(4)

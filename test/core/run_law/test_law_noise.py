@@ -16,11 +16,22 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from flea_diag.core.run_law.law_noise import BOUND, LawNoise, calibrated, learned_noise
-from flea_diag.core.run_law.run_windows import RunWindows
+from flea_diag.core.run_law.motion_noise import ANY_MOTION, with_rest
+from flea_diag.core.run_law.run_windows import (
+    FORMED,
+    MOTIONS,
+    OF_PLACE,
+    RunWindows,
+    WindowMotion,
+    along,
+    left_out,
+)
 
 
 def coloured(rng: np.random.Generator, windows: int, phi: float = 0.7) -> np.ndarray:
@@ -32,16 +43,17 @@ def coloured(rng: np.random.Generator, windows: int, phi: float = 0.7) -> np.nda
     return made
 
 
-def run_of(values: np.ndarray, turning: np.ndarray | None = None) -> RunWindows:
-    still = np.zeros(len(values), dtype=bool)
+def run_of(values: np.ndarray, motion: np.ndarray | None = None) -> RunWindows:
+    still = np.zeros((len(values), len(MOTIONS)))
     signals = np.zeros((*values.shape, 1))
-    return RunWindows("run", "", values, signals, still if turning is None else turning)
+    return RunWindows("run", "", values, signals, still if motion is None else motion)
 
 
 def quiet(**given) -> LawNoise:
     one = np.ones(2)
-    plain = {"white": one, "coloured": 0.0 * one, "phi": 0.3 * one, "turning": one}
-    return LawNoise(**{**plain, "shared": np.zeros((2, 2)), **given})
+    plain = {"white": one, "coloured": 0.0 * one, "phi": 0.3 * one}
+    every = {"shared": np.zeros((2, 2)), "motion": np.tile(ANY_MOTION, (2, 1))}
+    return LawNoise(**{**plain, **every, **given})
 
 
 def test_learned_noise_whitens_what_it_was_learned_from():
@@ -89,12 +101,63 @@ def test_a_spike_counts_as_if_it_were_no_farther_out_than_the_bound():
     assert np.square(white.rows[7, 0, 0]) == pytest.approx(BOUND * 50.0)
 
 
-def test_windows_with_a_reversal_may_be_louder():
+def test_the_noise_grows_with_the_motion():
     rng = np.random.default_rng(4)
-    turning = np.arange(2000) % 4 == 0
-    values = rng.standard_normal((2000, 2)) * np.where(turning, 3.0, 1.0)[:, None]
-    noise = calibrated(quiet(), [values], [np.ones((2000, 2), dtype=bool)], [turning], np.zeros(2))
-    # What is far out is bounded, so the factor comes out a little smaller.
-    assert (noise.turning > 1.8).all()
-    white = noise.whitened(run_of(values, turning), np.zeros((2000, 2, 0))).rows[..., 0]
-    assert white[~turning].std(axis=0) == pytest.approx([1.0, 1.0], abs=0.1)
+    motion = np.square(rng.standard_normal((4000, len(MOTIONS))))
+    motion[:, 0] = motion[:, 0] > 2.0
+    shares = np.array([[0.5, 3.0, 0.0, 0.0, 0.2, 0.0], [0.2, 0.0, 0.0, 0.0, 0.0, 4.0]])
+    values = rng.standard_normal((4000, 2)) * np.sqrt(with_rest(motion) @ shares.T)
+    known = np.ones((4000, 2), dtype=bool)
+    noise = calibrated(quiet(), [values], [known], [motion], np.zeros(2))
+    found = noise.motion * np.square(noise.sigma)[:, None]
+    np.testing.assert_allclose(found, shares, rtol=0.15, atol=0.1)
+    white = noise.whitened(run_of(values, motion), np.zeros((4000, 2, 0))).rows[..., 0]
+    for some in (motion[:, 0] == 0.0, motion[:, 3] > 1.0, motion[:, 4] > 1.0, motion[:, 4] < 0.1):
+        assert white[some].std(axis=0) == pytest.approx([1.0, 1.0], abs=0.1)
+
+
+def test_of_few_windows_the_noise_is_the_same_in_every_motion():
+    rng = np.random.default_rng(5)
+    motion = np.square(rng.standard_normal((100, len(MOTIONS))))
+    values, known = rng.standard_normal((100, 2)), np.ones((100, 2), dtype=bool)
+    noise = calibrated(quiet(), [values], [known], [motion], np.zeros(2))
+    np.testing.assert_array_equal(noise.motion, np.tile(ANY_MOTION, (2, 1)))
+
+
+def test_what_adds_up_counts_as_much_as_it_adds_up_to():
+    """The second relation is left with a correlation that its filter does not know."""
+    rng = np.random.default_rng(6)
+    values = [np.column_stack((rng.standard_normal(150), coloured(rng, 150))) for _ in range(40)]
+    known, motion = np.ones((150, 2), dtype=bool), np.zeros((150, len(MOTIONS)))
+    noise = calibrated(quiet(), values, [known] * 40, [motion] * 40, np.zeros(2))
+    sums = np.concatenate([v.reshape(-1, 10, 2).sum(axis=1) for v in values])
+    assert noise.sigma[0] == pytest.approx(1.0, abs=0.1)
+    assert noise.sigma[1] == pytest.approx(sums[:, 1].std() / np.sqrt(10.0), abs=0.1)
+    assert noise.sigma[1] > 1.8
+
+
+def test_places_along_the_stroke_are_told_by_the_healthy_travel():
+    places = np.array([0.02, 0.05, 0.08, 0.2, math.nan])
+    np.testing.assert_allclose(along(places, (0.02, 0.08)), [-1.0, 0.0, 1.0, 1.0, 0.0], atol=1e-12)
+    assert not along(places, ()).any()
+    assert not along(places, (0.05, 0.05)).any()
+
+
+def test_over_the_travel_what_changes_along_it_looks_like_no_load_and_no_way():
+    place, load = np.linspace(-1.0, 1.0, 2001), np.full(2001, 300.0)
+    columns = left_out(0.0 * place, load, np.ones(2001), place)[:, FORMED.index(OF_PLACE[0]) :]
+    assert columns.shape == (2001, len(OF_PLACE))
+    assert np.abs(columns.mean(axis=0) / np.abs(columns).max(axis=0)).max() < 1e-3
+
+
+def test_how_a_machine_moves_is_told_from_window_to_window():
+    speed = np.repeat([0.0, 0.0, 2.0, 3.0], 5)
+    direction = np.repeat([0.0, 0.0, 1.0, 1.0], 5)
+    load = np.repeat([0.0, 7.0, 0.0, 0.0], 5)
+    scans = zip(*(each.reshape(4, 5) for each in (direction, load, speed)), strict=True)
+    moves = WindowMotion()
+    np.testing.assert_array_equal(
+        [moves.step(*window) for window in scans],
+        [[1, 0, 0, 0, 0], [1, 49, 0, 0, 0], [0, 0, 4, 4, 4], [0, 0, 9, 1, 1]],
+    )
+    assert np.isfinite(WindowMotion().step(*np.full((3, 5), np.nan))).all()

@@ -53,10 +53,10 @@ def recording(
     x = np.sin(np.arange(windows) / 3.0 + rng.uniform(0.0, 6.0))
     signals = np.zeros((windows, 2, 3))
     signals[:, :, 0], signals[:, :, 2] = 1.0, x[:, None]
-    plain = RunWindows(name, unit, np.zeros((windows, 2)), signals, np.zeros(windows, dtype=bool))
+    plain = RunWindows(name, unit, np.zeros((windows, 2)), signals, np.zeros((windows, 5)))
     noise = sigma * rng.standard_normal((windows, 2))
     values = COLUMNS.of(plain) @ np.array(coefficients) + noise
-    return RunWindows(name, unit, values, signals, plain.turning)
+    return RunWindows(name, unit, values, signals, plain.motion)
 
 
 def recordings(
