@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -121,14 +121,17 @@ class FaultEvidence:
 
     A fault comes alone, or with another unit: that control went over to a faulty one is as likely.
     Sums since the onset are kept by relation. ``onset`` is a number of these windows,
-    ``since_start`` how many the stream had before them.
+    ``since_start`` how many the stream had before them. ``beside`` are other onsets that it is
+    weighed against: what is left out for one is left out for all, or their evidence would be of
+    different windows.
     """
 
     def __init__(
         self, hypotheses: StreamHypotheses, onset: int, windows: Iterable[LawWindow] = (),
-        since_start: int = 0,
+        since_start: int = 0, beside: Collection[int] = (),
     ) -> None:  # fmt: skip
         self._h, self._onset = hypotheses, onset
+        self._smoothed = smoothed({onset, *beside})
         models, sizes = hypotheses.signatures.shape
         relations, self._alone = len(hypotheses.noise.white), hypotheses.own_count
         own = self._alone + hypotheses.unit.shape[1]
@@ -146,8 +149,7 @@ class FaultEvidence:
     def add(self, window: LawWindow) -> None:
         """Take one window."""
         since = self._stream.windows - self._onset
-        smoothed = self._onset > 0 and -1 <= since < ONSET_WINDOWS
-        white = self._stream.step(window, counts=not smoothed)
+        white = self._stream.step(window, counts=self._stream.windows not in self._smoothed)
         effect = white.faults + (since + 0.5) * WINDOW_S * white.growing
         both = np.concatenate((effect, white.unit), axis=-1) * (since >= 0)
         later = self._later.step(both, white.gain) * white.scale
@@ -253,6 +255,12 @@ class FaultEvidence:
             self._before[:count, :count]
             + np.einsum("r,rij->ij", scale, self._own[:, :count, :count]),
         )
+
+
+def smoothed(onsets: Iterable[int]) -> frozenset[int]:
+    """Numbers of the windows about onsets that hold a part of a fault, smoothed."""
+    about = range(-1, ONSET_WINDOWS)
+    return frozenset(onset + k for onset in onsets if onset > 0 for k in about)
 
 
 def exact_share(errors: Array) -> Array:

@@ -20,7 +20,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-COVERAGE = 0.99
+COVERAGE = 0.999
 """Share of true faults that their group holds: what falls below the rest is dropped for good."""
 TOLD_WINDOWS = 10
 """Windows since the onset, without those about it, after which evidence counts in full: 2 s, in

@@ -75,6 +75,13 @@ class SensorModes(SensorAlarms):
         self._scans = 0
         self._moved = dict.fromkeys(knowledge.motion, 0)
 
+    @property
+    def faults(self) -> frozenset[str]:
+        """Faults that one of these tests defines and can show: the relations tell all others."""
+        every, unseen = self._k.faults.items(), self._k.unseen
+        hidden = (name for name, f in every if f.mode == "dead" and f.channel in unseen)
+        return super().faults.difference(hidden)
+
     def take(self, block: ResidualBlock, scans: slice) -> int:
         """Look at some scans of a block: the first of the block beyond a limit, or its length."""
         first = super().take(block, scans)

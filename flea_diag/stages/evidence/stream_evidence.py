@@ -169,7 +169,8 @@ class StreamEvidence:
         """Evidence on a fault with one of these onsets, from the history."""
         first = max(self._begun, self.history.taken - len(self.history.windows))
         windows, h = self.history.since(first), self.hypotheses
-        return ChangeEvidence([FaultEvidence(h, max(n - first, 0), windows, first) for n in onsets])
+        places = [max(onset - first, 0) for onset in onsets]
+        return ChangeEvidence([FaultEvidence(h, p, windows, first, places) for p in places])
 
 
 def _own_onsets(faults: Array, best: float) -> Array:

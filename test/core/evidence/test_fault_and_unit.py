@@ -213,6 +213,19 @@ def test_an_onset_that_is_put_too_early_makes_no_drift_of_a_bias() -> None:
     )
 
 
+def test_onsets_that_are_weighed_together_are_weighed_by_the_same_windows() -> None:
+    """A step between them would count for the early one alone, which lets a jam be a bias."""
+    values = drawn(70, seed=10)
+    values[48:] += 8.0 * np.array([1.0, -0.5])
+    every = windows(values)
+    alone = [FaultEvidence(hypotheses(), onset, every).weighed() for onset in (44, 48)]
+    both = [FaultEvidence(hypotheses(), n, every, beside=(44, 48)).weighed() for n in (44, 48)]
+    assert [one.windows.max() for one in alone] == [24.0, 20.0]
+    assert [one.windows.max() for one in both] == [21.0, 20.0]
+    assert alone[0].alone[2] > both[0].alone[2] + 5.0
+    assert both[1].alone[0] > max(both[0].alone) + 3.0
+
+
 def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_changed() -> None:
     warmer, other = drawn(60, seed=5), drawn(60, seed=5)
     warmer[20:, 0] += 1.5

@@ -92,6 +92,12 @@ def test_a_mode_is_what_has_shown_and_what_had_no_time_to(
     assert possible(*blocks) == left
 
 
+def test_a_dead_reading_that_no_test_can_show_is_left_to_the_relations() -> None:
+    dead = f"{POSITION}_dead"
+    assert dead in modes().faults
+    assert modes((POSITION,)).faults == modes().faults - {dead}
+
+
 def test_a_reading_that_goes_on_moving_is_not_dead_however_the_blocks_are_cut() -> None:
     step = block(0.1, **{POSITION: 2.0})
     pieces = [block(0.5 * MOVED_S + PERIOD_S, speed=-0.1)] * 2
