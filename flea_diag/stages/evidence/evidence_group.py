@@ -22,6 +22,9 @@ from dataclasses import dataclass, field
 
 COVERAGE = 0.999
 """Share of true faults that their group holds: what falls below the rest is dropped for good."""
+INEXACT = 0.02
+"""Share of the evidence of the best fault that parts no two: no model of a fault is exact, and an
+effect that is 14 % off as long as it is seen costs so much of what it explains."""
 TOLD_WINDOWS = 10
 """Windows since the onset, without those about it, after which evidence counts in full: 2 s, in
 which a motion has seen more than one load."""
@@ -48,7 +51,7 @@ class EvidenceGroup:
             whole = math.fsum(math.exp(value - most) for value in left.values())
             shares = {fault: math.exp(value - most) / whole for fault, value in left.items()}
             least = min(shares, key=lambda fault: shares[fault])
-            if shares[least] >= limit:
+            if shares[least] >= limit or most - left[least] < INEXACT * most:
                 break
             self.dropped[least] = shares[least]
             del left[least]
