@@ -1,5 +1,7 @@
 // A dialog that the browser opens by itself: what is typed from the next key on goes into its field.
 const AGAIN_MS = 250;
+// A page that was just loaded has no ear at the server either, until the two have shaken hands.
+const away = () => document.body.classList.contains("lost") || !window.did_handshake;
 // What waits for a server outlives the page, which is loaded anew where another server answers.
 // A browser may refuse to store anything.
 function draft(call, name, ...text) { try { return sessionStorage[`${call}Item`](`flea-draft-${name}`, ...text); } catch { return null; } }
@@ -56,7 +58,7 @@ export default {
     save() {
       clearTimeout(this.waiting);
       const text = this.$refs.field.value.trim();
-      const lost = document.body.classList.contains("lost");
+      const lost = away();
       this.$refs.trouble.textContent = !text ? this.empty_label : lost ? this.lost_label : "";
       if (!text) return;
       const choice = this.$refs.choice ? this.$refs.choice.value : "";
