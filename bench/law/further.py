@@ -100,7 +100,7 @@ def cranfield(folder: Path) -> Iterator[Figure]:
 def left_out(bags: list[Path], stand: str) -> Iterator[Figure]:
     """Sound recordings that are named unsound, and the score of the law."""
     recordings, calibration = calibrated_on(bags, stand)
-    design = design_of(calibration, stand, recordings)
+    design = design_of(calibration, recordings, stand)
     fit = design.learned(design.windows(recordings))
     for row in (*fit.unsound, *fit.contradicting, *fit.of_motion):
         print(f"  {recordings[row.place].run.name}: {row.kind} {row.what} {row.nats:.1f} nats")

@@ -56,9 +56,9 @@ def calibrated_on(bags: Sequence[Path], stand: str = "") -> Any:
 
 
 def design_of(
-    calibration: Any, stand: str = "", recordings: Sequence[NominalRecording] = ()
+    calibration: Any, recordings: Sequence[NominalRecording], stand: str = ""
 ) -> LawDesign:
-    """Columns of a calibration, and of its stand's catalogue."""
+    """Columns of a calibration, of its stand's catalogue, and of where recordings have moved."""
     place = load_stand(stand)
     return LawDesign.of(calibration, str(place.actuator), str(place.faults), recordings)
 

@@ -83,7 +83,7 @@ class Stand:
 
     def __init__(self, recordings: Any, calibration: Any, stand: str = "") -> None:
         self.recordings, self.calibration = recordings, calibration
-        self.design = design_of(calibration, stand, recordings)
+        self.design = design_of(calibration, recordings, stand)
         self.runs = self.design.windows(recordings)
         self.index = self.design.work.effects().residuals.index
         self.places = [k for k, c in enumerate(self.design.faults.columns) if c.name in SHOWN]

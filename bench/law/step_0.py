@@ -67,7 +67,7 @@ def real(folder: Path) -> Iterator[Figure]:
     bags = imported(folder, "")
     nominal = [bag for bag in bags if "_Nominal_" in bag.name]
     recordings, calibration = calibrated_on(nominal)
-    design = design_of(calibration, recordings=recordings)
+    design = design_of(calibration, recordings)
     runs = {r.name: r for r in design.windows(recordings)}
     faulty = kinds(read_faulty([bag for bag in bags if bag not in nominal]))
     names = sorted(runs)
@@ -131,11 +131,11 @@ def growing(design: Any, runs: list[Any]) -> Iterator[Figure]:
 def switched(switches: Path, nominal: Path) -> Iterator[Figure]:
     """Part (d)."""
     calibration = shipped()
-    design = design_of(calibration)
     recordings = [
         replace(recording, serial=recording.run.name.rpartition("_")[2])
         for recording in read_faulty(sorted(nominal.iterdir()))
     ]
+    design = design_of(calibration, recordings)
     healthy = design.windows(recordings)
     fit = design.learned(healthy)
     print("simulated:", fit.law.score, fit.unsound)

@@ -98,15 +98,14 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     )
     told = knowledge(stand, calibration)
     sensors = _sensors(told)
-    # Faults that their own tests find raise no alarm by the relations.
-    judged = {model.fault for model in signatures.models} - set(SensorModes(sensors).faults)
+    judged = {model.fault for model in signatures.models} - SensorModes(sensors).faults
     limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
     verdict = VerdictKnowledge(
         signatures.models, law.relations, told.faults, told.calibration_sha256,
         calibration.promise.stated_per_hour, calibration.promise.supported_per_hour,
         shows_from(law.visible),
     )  # fmt: skip
-    judged_by = EvidenceKnowledge((made[0], made[1]), limits, verdict)
+    judged_by = EvidenceKnowledge((made[0], made[1]), frozenset(judged), limits, verdict)
     return EvidenceStand(calibration, known, sensors, law, judged_by)
 
 

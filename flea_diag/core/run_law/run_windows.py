@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
@@ -131,6 +132,13 @@ def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place
     rate = np.diff(current, prepend=current[:1]) / period_s
     behind = left_out(rate, load, way, place)
     return np.concatenate((regressors[:, : len(effects.names)], behind), axis=-1)
+
+
+def place_of(readings: Array, rows: ResidualSet) -> Array:
+    """Places along the stroke, shape (n,); NaN where this stand reads none."""
+    if not rows.position:
+        return np.full(len(readings), math.nan)
+    return readings[:, rows.index[rows.position]]
 
 
 def along(places: Array, travel: tuple[float, ...]) -> Array:

@@ -50,9 +50,14 @@ OTHER = "another unit than the calibrated one, as healthy units differ"
 
 @dataclass(frozen=True, eq=False)
 class EvidenceKnowledge:
-    """What the stage of a stand rests on."""
+    """What the stage of a stand rests on.
+
+    ``judged``: faults by which the relations may raise an alarm; what a dead sensor reads is told
+    by its own test alone.
+    """
 
     hypotheses: tuple[StreamHypotheses, StreamHypotheses]
+    judged: frozenset[str]
     limits: EvidenceLimits
     verdict: VerdictKnowledge
 
@@ -73,8 +78,7 @@ class EvidenceStage:
     ) -> None:
         self._knowledge, self._faults = knowledge, knowledge.faults
         self._columns, self._sensors = columns, SensorModes(sensors)
-        # What a dead sensor reads is told by its own test alone.
-        judged = np.array([fault not in self._sensors.faults for fault in self._faults])
+        judged = np.array([fault in knowledge.judged for fault in self._faults])
         self._stream = StreamEvidence(knowledge.hypotheses, knowledge.limits, judged)
         self._verdict = EvidenceVerdict(knowledge.verdict)
         self._change: StreamChange | None = None

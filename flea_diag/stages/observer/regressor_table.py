@@ -28,7 +28,7 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.run_law.run_windows import PLACE, answering, own_name
+from flea_diag.core.run_law.run_windows import PLACE, answering, own_name, place_of
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
 Array = npt.NDArray[np.float64]
@@ -97,7 +97,7 @@ class RegressorTable:
         rows, temperatures = effects.residuals, effects.temperatures
         self._read = np.array([rows.index[name] for name in temperatures], dtype=int)
         self._apart = np.array(rows.predicted_columns, dtype=int)
-        self._place = rows.index[rows.position] if rows.position else -1
+        self._residuals = rows
         self._signals = len(effects.relations.signals)
         self._lacking = effects.signals[self._signals + len(temperatures) + len(self._shapes) :]
 
@@ -112,11 +112,13 @@ class RegressorTable:
         if len(rows) == 1:
             x = residuals.signals[0].tolist() + told[0].tolist()
             speed, way = residuals.motion[0].tolist()
-            own = [*self._answered(x, way, residuals), *(c[0] for c in self._placed(rows))]
+            own = self._answered(x, way, residuals)
+            own += [place_of(rows, self._residuals)[0]] if self._of_law else []
             found = (*self._basis(x, way), *self._left, *own, speed, float(residuals.moving[0]))
             return np.array((found,))
         x = [*residuals.signals.T, *told.T]
-        own = [*self._answered(x, residuals.motion[:, 1], residuals), *self._placed(rows)]
+        own = self._answered(x, residuals.motion[:, 1], residuals)
+        own += [place_of(rows, self._residuals)] if self._of_law else []
         table = np.empty((len(rows), len(self.names)))
         for number, column in enumerate(self._basis(x, residuals.motion[:, 1])):
             table[:, number] = column
@@ -124,12 +126,6 @@ class RegressorTable:
             table[:, number] = column
         table[:, -2], table[:, -1] = residuals.speed_m_s, residuals.moving
         return table
-
-    def _placed(self, rows: Array) -> tuple[Array, ...]:
-        """Places along the stroke, shape (n,), where the law of a recording takes them."""
-        if not self._of_law:
-            return ()
-        return (rows[:, self._place] if self._place >= 0 else np.full(len(rows), math.nan),)
 
     def _answered(self, x: list[Any], way: Any, residuals: ResidualRows) -> list[Any]:
         """Basis signals by what the rest of a relation says of the signal that it answers by."""

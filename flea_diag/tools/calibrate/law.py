@@ -57,13 +57,13 @@ class LawDesign:
     @classmethod
     def of(
         cls, calibration: Calibration, actuator: str, faults: str,
-        recordings: Sequence[NominalRecording] = (),
+        recordings: Sequence[NominalRecording],
     ) -> LawDesign:  # fmt: skip
         """From the description, the catalogue and where healthy recordings have moved."""
         work = WindowWork.of(calibration, actuator, faults)
-        moved = (recording.run.rows for recording in recordings)
-        work = replace(work, travel=travel_of(moved, work.effects().residuals))
         effects, parameters = work.effects(), calibration.parameters
+        moved = (recording.run.rows for recording in recordings)
+        work = replace(work, travel=travel_of(moved, effects.residuals))
         differences = effects.differences
         tolerance = dict(zip(differences, calibration.differences(differences), strict=True))
         free = described(actuator).free_per_run

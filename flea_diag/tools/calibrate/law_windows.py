@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -34,6 +33,7 @@ from flea_diag.core.run_law.run_windows import (
     along,
     answering,
     in_motion_only,
+    place_of,
     speed_signal,
     windows_of,
     with_neglected,
@@ -56,11 +56,6 @@ class WindowItem(NamedTuple):
 
     run: NominalRun
     unit: str
-
-
-def place_of(readings: Array, rows: ResidualSet) -> Array:
-    """Places along the stroke, shape (n,); NaN where this stand reads none."""
-    return readings[:, rows.index[rows.position]] if rows.position else np.full(len(readings), nan)
 
 
 def travel_of(recordings: Iterable[Array], rows: ResidualSet) -> tuple[float, ...]:
