@@ -28,7 +28,7 @@ import numpy as np
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.isolation.goodness_of_fit import LEFT_OF_PLANT, LEFT_OF_READING
-from flea_diag.core.run_law.unsound_runs import CHANGED
+from flea_diag.core.run_law.run_defects import CHANGED
 
 
 class RelationLeft(NamedTuple):

@@ -38,11 +38,12 @@ from flea_diag.core.run_law.law_noise import (
 )
 from flea_diag.core.run_law.law_score import law_score
 from flea_diag.core.run_law.restricted_likelihood import Spread
+from flea_diag.core.run_law.run_defects import Candidates, UnsoundRun
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.time_constant import time_constant_s
-from flea_diag.core.run_law.unsound_runs import Candidates, RunsJudged, UnsoundRun, sound_runs
+from flea_diag.core.run_law.unsound_runs import RunsJudged, sound_runs
 from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]

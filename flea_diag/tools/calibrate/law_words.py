@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.run_law.run_defects import FAULT, MANY, NOISE, UnsoundRun
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.unit_levels import LEAST_UNITS
-from flea_diag.core.run_law.unsound_runs import FAULT, MANY, NOISE, UnsoundRun
 from flea_diag.tools.size_table import size_lines
 
 DO = "the limits hold it, too: leave it out where that is no healthy running"
