@@ -36,6 +36,7 @@ from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import (
     WhiteStream,
     WhiteWindow,
+    exact_share,
     standardised,
     weight_of,
 )
@@ -50,9 +51,6 @@ from flea_diag.core.run_law.whitening import WhiteSignals
 
 Array = npt.NDArray[np.float64]
 
-MODEL_ERROR = 0.2
-"""Share of a deviation that no model of a fault gives exactly: an assumption, 5 to 10 % that last
-for a second or two."""
 LAW_WINDOWS = 10
 """Windows for which the noise of the law stands beside that of a stream before an onset."""
 KEPT_S = 60.0
@@ -261,12 +259,6 @@ def smoothed(onsets: Iterable[int]) -> frozenset[int]:
     """Numbers of the windows about onsets that hold a part of a fault, smoothed."""
     about = range(-1, ONSET_WINDOWS)
     return frozenset(onset + k for onset in onsets if onset > 0 for k in about)
-
-
-def exact_share(errors: Array) -> Array:
-    """Standard deviation of the noise over that of noise and model error, shape (relations, 1)."""
-    inexact = MODEL_ERROR * np.abs(np.nan_to_num(errors))
-    return np.asarray(1.0 / np.maximum(inexact, 1.0))[:, None]
 
 
 def other_unit(own: Array, alone: int) -> float:

@@ -136,7 +136,7 @@ class LawWindowMeans:
         rate = np.diff(current, axis=0, prepend=before) / self._period_s
         load, way = formed[..., self._load], formed[..., self._way]
         place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
-        return np.concatenate((formed, left_out(rate, load, way, place)), axis=-1)
+        return np.concatenate((formed, left_out(current, rate, load, way, place)), axis=-1)
 
     def _mean(self, window: slice) -> LawWindow:
         values, signals = self._values[window], self._signals[window]

@@ -34,10 +34,13 @@ from flea_diag.core.likelihood.effects import EffectRules
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ZEROS, ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation
 from flea_diag.core.run_law.run_windows import (
+    BY_PLACE,
     CURRENT_RATE,
+    CURRENT_WAY,
+    LOAD_BY_PLACE,
     LOAD_DRAG,
-    OF_PLACE,
     REVERSAL,
+    WAY_BY_PLACE,
     WINDOW_S,
     RunWindows,
     signal_names,
@@ -198,14 +201,17 @@ def _own(relation: str, signal: str) -> Term:
 def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
     """Load, load times sign of the motion and sign of the motion, where they are no term of it.
 
-    Also how load and friction change along the stroke.
+    Also how load and friction change along the stroke; where nothing reads the load, what it is
+    there: a payload's weight turns with the link, a cable pulls.
     """
     if row.kind != "junction":
         return
+    load = motion_signals(effects.residuals)[1]
     if row.name != effects.residuals.circuit:
         yield REVERSAL
-        yield from OF_PLACE if effects.residuals.position else ()
-    load = motion_signals(effects.residuals)[1]
+        if effects.residuals.position:
+            yield from LOAD_BY_PLACE if load in effects.relations.signals else BY_PLACE
+            yield from WAY_BY_PLACE
     if load in effects.relations.signals:
         yield LOAD_DRAG
         if not _trusted(row, load, effects):
@@ -215,10 +221,15 @@ def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
 
 
 def _of_pair(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
-    """Zero and gain of one reading against the other, where they are no term of the difference."""
+    """Zero and gain of one reading against the other, where they are no term of the difference.
+
+    The voltage of a bridge loses some by the way that its current goes.
+    """
     if row.kind == "difference":
         yield ONE
         yield from (name for name in row.pair[1:] if name in effects.names)
+        if effects.residuals.voltage in row.pair:
+            yield CURRENT_WAY
 
 
 def _trusted(row: CompiledRelation, signal: str, effects: EffectSet) -> bool:

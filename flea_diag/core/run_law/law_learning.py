@@ -67,7 +67,7 @@ class LawFit:
     ``noisy``: relations that were left out of one recording, for their noise; ``sound``: the
     recordings that it was learned from, without them; ``contradicting``: recordings that are
     unlike the others, but too many for it to be clear which are the healthy ones; ``of_motion``:
-    those that are so in every unit, which were kept.
+    those that are so in most units, which were kept.
     """
 
     law: RunLaw

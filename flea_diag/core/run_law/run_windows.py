@@ -33,9 +33,14 @@ Flags = npt.NDArray[np.bool_]
 
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
-CURRENT_RATE, LOAD_DRAG, REVERSAL = "current_rate", "load_drag", "reversal"
-OF_PLACE = ("load_by_place", "load_by_place_squared", "way_by_place", "way_by_place_squared")
-FORMED = (CURRENT_RATE, LOAD_DRAG, REVERSAL, *OF_PLACE)
+CURRENT_RATE, CURRENT_WAY = "current_rate", "current_way"
+LOAD_DRAG, REVERSAL = "load_drag", "reversal"
+BY_PLACE = ("by_place", "by_place_squared")
+LOAD_BY_PLACE = ("load_by_place", "load_by_place_squared")
+WAY_BY_PLACE = ("way_by_place", "way_by_place_squared")
+FORMED = (
+    CURRENT_RATE, CURRENT_WAY, LOAD_DRAG, REVERSAL, *BY_PLACE, *LOAD_BY_PLACE, *WAY_BY_PLACE,
+)  # fmt: skip
 """Signals of the law behind those of the faults, in the order of ``left_out``."""
 PLACE = "place"
 """Column of a table of regressors: where along the stroke the machine is."""
@@ -130,7 +135,7 @@ def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place
     current, load, way = (_column(regressors, effects, name) for name in motion_signals(
         effects.residuals)[:3])  # fmt: skip
     rate = np.diff(current, prepend=current[:1]) / period_s
-    behind = left_out(rate, load, way, place)
+    behind = left_out(current, rate, load, way, place)
     return np.concatenate((regressors[:, : len(effects.names)], behind), axis=-1)
 
 
@@ -149,19 +154,20 @@ def along(places: Array, travel: tuple[float, ...]) -> Array:
     return np.nan_to_num(np.clip((2.0 * places - low - high) / (high - low), -1.0, 1.0))
 
 
-def left_out(rate: Array, load: Array, way: Array, place: Array) -> Array:
+def left_out(current: Array, rate: Array, load: Array, way: Array, place: Array) -> Array:
     """What relations leave out, shape (..., ``FORMED``).
 
     The rate of the current, by which a winding's inductance acts, or two channels of the circuit
-    that lag behind each other; the load times the sign of the motion, by which a load rubs; what
-    the smooth sign of the motion leaves out at a reversal, where dry friction has its peak; and how
-    lever arms and friction change along the stroke.
+    that lag behind each other; its sign, by which the dead time of a bridge acts; the load times
+    the sign of the motion, by which a load rubs; what the smooth sign of the motion leaves out at a
+    reversal, where dry friction has its peak; and how a load, lever arms and friction change along
+    the stroke.
     """
     # Legendre polynomials: over the travel neither looks like the load or the way alone.
     apart = place, 1.5 * np.square(place) - 0.5
-    changing = (signal * by for signal in (load, way) for by in apart)
+    changing = (signal * by for signal in (np.ones_like(way), load, way) for by in apart)
     turn = way * (1.0 - np.square(way))
-    return np.stack((rate, np.abs(load) * way, turn, *changing), axis=-1)
+    return np.stack((rate, np.sign(current), np.abs(load) * way, turn, *changing), axis=-1)
 
 
 def own_name(relation: str, signal: str) -> str:

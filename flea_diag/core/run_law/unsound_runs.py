@@ -38,8 +38,8 @@ Flags = npt.NDArray[np.bool_]
 
 MOST_UNSOUND = 0.25
 """Share of the recordings beyond which it is not clear which are the healthy ones."""
-LEAST_UNITS = 3
-"""Units of which each must have a recording with a defect for it to be none."""
+LEAST_UNITS, MOST_OF_UNITS = 3, 2.0 / 3.0
+"""So many units, and that share of all, must have a recording with a defect for it to be none."""
 ROUNDS = 12
 """Beyond, two sets follow on each other: the last one is taken."""
 
@@ -51,7 +51,7 @@ class RunsJudged(NamedTuple):
     ``feigned`` are centre and variance of each fault's size in sound ones, and the variance that a
     claim is held against, shape (3, faults).
     ``contradicting`` are those that would be unsound, were they not too many, ``of_motion`` those
-    of which every unit has one.
+    of which most units have one.
     """
 
     sound: Flags
@@ -66,7 +66,7 @@ class RunsJudged(NamedTuple):
 def sound_runs(of: Candidates) -> RunsJudged:
     """Judge all recordings together.
 
-    Defects come to recordings one by one. What one recording of every unit shows is of its motion,
+    Defects come to recordings one by one. What one recording of most units shows is of its motion,
     and of what the description lacks there: those are kept.
     """
     kept = np.zeros(len(of.sums), dtype=bool)
@@ -74,19 +74,20 @@ def sound_runs(of: Candidates) -> RunsJudged:
     while True:
         judged = _sound_beside(of, kept)
         unlike = judged.unsound + judged.contradicting
-        shared = _of_every_unit(of, unlike) & ~kept
+        shared = _of_most_units(of, unlike) & ~kept
         if not shared.any():
             return judged._replace(of_motion=of_motion)
         of_motion += tuple(found for found in unlike if shared[found.place])
         kept = kept | shared
 
 
-def _of_every_unit(of: Candidates, unsound: Sequence[UnsoundRun]) -> Flags:
-    """Recordings whose defect a recording of every unit has."""
-    shared, units = np.zeros(len(of.sums), dtype=bool), len(np.unique(of.groups))
-    for what in {w for found in unsound for w in found.shown} if units >= LEAST_UNITS else ():
+def _of_most_units(of: Candidates, unsound: Sequence[UnsoundRun]) -> Flags:
+    """Recordings whose defect a recording of most units has."""
+    shared = np.zeros(len(of.sums), dtype=bool)
+    least = max(LEAST_UNITS, MOST_OF_UNITS * len(np.unique(of.groups)))
+    for what in {w for found in unsound for w in found.shown}:
         places = [found.place for found in unsound if what in found.shown]
-        shared[places] |= len(np.unique(of.groups[places])) == units
+        shared[places] |= len(np.unique(of.groups[places])) >= least
     return shared
 
 
@@ -129,7 +130,7 @@ def _taken(of: Candidates, sound: Flags) -> RunsJudged:
     odds, usual = defects_of(of, levels, sound)
     unsound = tuple(found for found, good in zip(odds, sound, strict=True) if not good)
     loud = tuple(n for k in np.flatnonzero(sound).tolist() for n in noises_of(of, k, sound))
-    shared = _of_every_unit(of, loud)
+    shared = _of_most_units(of, loud)
     noisy = tuple(found for found in loud if not shared[found.place])
     first = len(of.columns)
     rows = usual.size, usual.known.likely(), usual.known.wide()

@@ -20,11 +20,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-COVERAGE = 0.999
+COVERAGE = 0.99
 """Share of true faults that their group holds: what falls below the rest is dropped for good."""
-INEXACT = 0.02
+INEXACT = 0.01
 """Share of the evidence of the best fault that parts no two: no model of a fault is exact, and an
-effect that is 14 % off as long as it is seen costs so much of what it explains."""
+effect that is 10 % off as long as it is seen costs so much of what it explains."""
 TOLD_WINDOWS = 10
 """Windows since the onset, without those about it, after which evidence counts in full: 2 s, in
 which a motion has seen more than one load."""

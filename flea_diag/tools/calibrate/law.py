@@ -101,7 +101,7 @@ TOO_MANY = (
     "units, record each under its serial number; of a load of its own, record more"
 )
 OF_MOTION = (
-    "contradict the others alike in every unit, so the description lacks something of their "
+    "contradict the others alike in most units, so the description lacks something of their "
     "motion: they are kept, and what differs is known less well. Describe it, or calibrate "
     "without that motion"
 )

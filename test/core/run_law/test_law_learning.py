@@ -177,6 +177,18 @@ def test_what_a_recording_of_every_unit_shows_is_of_its_motion(units):
         assert len(fit.sound) == len(runs)
 
 
+def test_a_motion_that_three_units_of_four_show_is_no_defect():
+    rng = np.random.default_rng(14)
+    runs = [
+        recording(rng, (4.0 * (k == 5 and u > 0) + 0.1 * rng.standard_normal(), 0.0),
+                  name=f"{u}_{k}", unit=str(u))
+        for u in range(4) for k in range(6)
+    ]  # fmt: skip
+    fit = law_of(runs)
+    assert {runs[row.place].name for row in fit.of_motion} == {"1_5", "2_5", "3_5"}
+    assert not fit.unsound
+
+
 def test_two_motions_of_every_unit_do_not_contradict_the_others():
     """A third of the recordings are of two kinds that the description lacks: of no defect."""
     rng = np.random.default_rng(13)

@@ -24,9 +24,10 @@ import pytest
 from flea_diag.core.run_law.law_noise import BOUND, LawNoise, calibrated, learned_noise
 from flea_diag.core.run_law.motion_noise import ANY_MOTION, with_rest
 from flea_diag.core.run_law.run_windows import (
+    BY_PLACE,
+    CURRENT_WAY,
     FORMED,
     MOTIONS,
-    OF_PLACE,
     RunWindows,
     WindowMotion,
     along,
@@ -145,9 +146,17 @@ def test_places_along_the_stroke_are_told_by_the_healthy_travel():
 
 def test_over_the_travel_what_changes_along_it_looks_like_no_load_and_no_way():
     place, load = np.linspace(-1.0, 1.0, 2001), np.full(2001, 300.0)
-    columns = left_out(0.0 * place, load, np.ones(2001), place)[:, FORMED.index(OF_PLACE[0]) :]
-    assert columns.shape == (2001, len(OF_PLACE))
+    none, way = 0.0 * place, np.ones(2001)
+    columns = left_out(none, none, load, way, place)[:, FORMED.index(BY_PLACE[0]) :]
+    assert columns.shape == (2001, 6)
     assert np.abs(columns.mean(axis=0) / np.abs(columns).max(axis=0)).max() < 1e-3
+
+
+def test_a_bridge_loses_its_voltage_by_the_way_of_the_current():
+    current, none = np.array([-2.0, 0.0, 0.1]), np.zeros(3)
+    columns = left_out(current, none, none, none, none)
+    assert columns.shape == (3, len(FORMED))
+    assert columns[:, FORMED.index(CURRENT_WAY)].tolist() == [-1.0, 0.0, 1.0]
 
 
 def test_how_a_machine_moves_is_told_from_window_to_window():

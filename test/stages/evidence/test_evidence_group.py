@@ -36,11 +36,11 @@ def left(*steps: tuple[dict[str, float], int]) -> list[str]:
 
 
 def test_a_member_is_dropped_for_good_below_what_the_coverage_leaves() -> None:
-    near, far = {"jam": 30.0, "bias": 24.0}, {"jam": 30.0, "bias": 22.0}
+    near, far = {"jam": 30.0, "bias": 26.0}, {"jam": 30.0, "bias": 24.0}
     assert left((near, 50)) == ["jam", "bias"]
     assert left((far, 50)) == ["jam"]
     assert left((far, 50), ({"jam": 30.0, "bias": 60.0}, 51)) == ["jam"]
-    assert pytest.approx(0.001) == 1.0 - COVERAGE
+    assert pytest.approx(0.01) == 1.0 - COVERAGE
 
 
 def test_few_windows_must_part_two_faults_by_more() -> None:
@@ -52,7 +52,7 @@ def test_few_windows_must_part_two_faults_by_more() -> None:
 
 def test_a_share_of_a_large_evidence_parts_no_two_faults() -> None:
     """A load cell's bias and its scaling under a load that hardly varies."""
-    assert left(({"scaling": 684.6, "bias": 676.8, "jam": 574.0}, 50)) == ["scaling", "bias"]
+    assert left(({"scaling": 684.6, "bias": 679.0, "jam": 574.0}, 50)) == ["scaling", "bias"]
     assert left(({"scaling": 684.6, "bias": 684.6 * (1.0 - 2.0 * INEXACT)}, 50)) == ["scaling"]
 
 
