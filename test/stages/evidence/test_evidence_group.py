@@ -44,7 +44,7 @@ def test_a_member_is_dropped_for_good_below_what_the_coverage_leaves() -> None:
 
 
 def test_few_windows_must_part_two_faults_by_more() -> None:
-    nats = {"jam": 30.0, "bias": 20.0}
+    nats = {"jam": 30.0, "bias": 23.0}
     assert left((nats, 50)) == ["jam"]
     assert left((nats, TOLD_WINDOWS // 2)) == ["jam", "bias"]
     assert patience(TOLD_WINDOWS // 2) == 2.0
