@@ -28,6 +28,7 @@ from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
+from flea_diag.core.evidence.white_stream import WhiteStream
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw, VisibleSize
@@ -106,7 +107,7 @@ def nats(y: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> float:
 def unbounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """No window counts less, and models are exact: what a dense density says."""
     monkeypatch.setattr("flea_diag.core.evidence.white_stream.BOUND", 1e9)
-    monkeypatch.setattr("flea_diag.core.evidence.fault_evidence.MODEL_ERROR", 0.0)
+    monkeypatch.setattr("flea_diag.core.evidence.white_stream.MODEL_ERROR", 0.0)
 
 
 def test_the_bank_holds_the_densities_of_faults_and_of_another_unit(monkeypatch) -> None:
@@ -287,3 +288,15 @@ def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     assert np.isnan(every[2][1].values).tolist() == [True, False], "its load is missing"
     assert [window.stands for _, window in every] == [False, False, False, True]
     assert every[0][1].signals[0, 1] == pytest.approx(table[:20, 1].mean())
+
+
+def test_a_large_deviation_says_little_of_the_noise_that_relations_share() -> None:
+    """A hundred standard deviations of the first are no thirty of the second."""
+    second = {}
+    for beyond in (0.0, 1.0, 100.0):
+        stream, values = WhiteStream(hypotheses()), drawn(40, seed=6)
+        values[-1, 0] += beyond
+        steps = [stream.step(window) for window in windows(values)]
+        second[beyond] = steps[-1].deviations[1]
+    assert abs(second[1.0] - second[0.0]) > 0.2
+    assert abs(second[100.0] - second[0.0]) < 5.0
