@@ -233,25 +233,25 @@ class FaultEvidence:
         """Mean square that the models leave in each relation, shape (relations, models)."""
         theta, eta = posterior_mean(sums, self._h.signatures.prior)
         whole = np.concatenate((np.ones((len(eta), 1)), -eta), axis=1)
-        square = np.einsum("mi,rij,mj->rm", whole, self._own[:, :count, :count], whole)
-        square -= 2.0 * np.einsum("ma,rmaj,mj->rm", theta, self._cross[..., :count], whole)
-        square += np.einsum("ma,rmab,mb->rm", theta, self._gram, theta)
+        own = np.matmul(whole, self._own[:, :count, :count])
+        cross = np.matmul(self._cross[..., :count], whole[..., None])[..., 0]
+        gram = np.matmul(self._gram, theta[..., None])[..., 0]
+        square = (own * whole).sum(axis=-1) + ((gram - 2.0 * cross) * theta).sum(axis=-1)
         return np.asarray(square / np.maximum(self._count, 1.0)[:, None])
 
     def _shown(self, own: Array) -> Array:
         """The same of no fault."""
         eta = np.linalg.solve(np.eye(len(own) - 1) + own[1:, 1:], own[1:, 0])
         whole = np.concatenate(([1.0], -eta))
-        square = np.einsum("i,rij,j->r", whole, self._own[:, : self._alone, : self._alone], whole)
+        square = self._own[:, : self._alone, : self._alone] @ whole @ whole
         return np.asarray(square / np.maximum(self._count, 1.0))
 
     def _sums(self, scale: Array, count: int) -> Sums:
         """Sums over all relations, each by what its misfit makes of its variance."""
         return Sums(
-            np.einsum("r,rmab->mab", scale, self._gram),
-            np.einsum("r,rmaj->maj", scale, self._cross[..., :count]),
-            self._before[:count, :count]
-            + np.einsum("r,rij->ij", scale, self._own[:, :count, :count]),
+            np.tensordot(scale, self._gram, 1),
+            np.tensordot(scale, self._cross[..., :count], 1),
+            self._before[:count, :count] + np.tensordot(scale, self._own[:, :count, :count], 1),
         )
 
 

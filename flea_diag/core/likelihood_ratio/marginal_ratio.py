@@ -26,7 +26,7 @@ several sizes the share within the bounds is taken size by size, as if they were
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +63,7 @@ class Sums:
         gram = np.matmul(by_model, by_model.transpose(0, 2, 1))
         return cls(gram, (phi.T @ rows).reshape(models, sizes, -1), rows.T @ rows)
 
+    @cached_property
     def without_unit(self) -> tuple[Array, Array, Array]:
         """Phi' Phi and Phi' y with the unit integrated out, and the covariance of the unit."""
         unit = np.asarray(np.linalg.inv(np.eye(len(self.own) - 1) + self.own[1:, 1:]), dtype=float)
@@ -88,7 +89,7 @@ def marginal_ratio(sums: Sums, prior: SizePrior, reaching: bool = False) -> Arra
     ``reaching``: a size without a bound reaches as far as the data show it. Its scale is not known,
     so that it is larger than its prior makes it no less likely (empirical Bayes).
     """
-    A, b, _ = sums.without_unit()
+    A, b, _ = sums.without_unit
     pull = np.matmul(A, prior.mean[..., None])[..., 0]
     known = ((b - 0.5 * pull) * prior.mean).sum(axis=-1)
     covariance, mean, scaled, inner = _solved(A, b - pull, prior)
@@ -111,7 +112,7 @@ def posterior_mean(sums: Sums, prior: SizePrior) -> tuple[Array, Array]:
 
 def posterior(sums: Sums, prior: SizePrior) -> Posterior:
     """What the data say of the sizes of each model, held to their bounds."""
-    A, b, unit = sums.without_unit()
+    A, b, unit = sums.without_unit
     pull = np.matmul(A, prior.mean[..., None])[..., 0]
     covariance, mean, _, _ = _solved(A, b - pull, prior)
     size = np.clip(prior.mean + prior.sigma * mean, prior.low, prior.high)
