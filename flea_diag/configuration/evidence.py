@@ -58,9 +58,18 @@ class EvidenceStand:
 
     def stage(self) -> Pipeline:
         """A new diagnoser."""
+        return Pipeline((self.source(), self.judge()))
+
+    def source(self) -> ResidualSource:
+        """Scans in, residuals out."""
+        known, calibration = self.effects, self.calibration
+        answers = answers_of(known, calibration.parameters, self.law.relations)
+        return ResidualSource(calibration, known, answers)
+
+    def judge(self) -> EvidenceStage:
+        """Residuals in, verdicts out."""
         known, calibration = self.effects, self.calibration
         rows = known.residuals
-        answers = answers_of(known, calibration.parameters, self.law.relations)
         scans = max(1, round(WINDOW_S / calibration.period_s))
         current, load, way, *speeds = motion_signals(rows)
         moving = current, load, way, speed_signal(rows)
@@ -72,8 +81,7 @@ class EvidenceStand:
             moving, known_by.acting, slow, known.relations.stop,
             self.law.travel, calibration.period_s, scans,
         )  # fmt: skip
-        judge = EvidenceStage(self.knowledge, columns, self.sensors)
-        return Pipeline((ResidualSource(calibration, known, answers), judge))
+        return EvidenceStage(self.knowledge, columns, self.sensors)
 
 
 def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceStand:

@@ -90,8 +90,8 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
     try:
         forget_peak()
         with closing(_stage(case, arena)) as stage:
-            done = diagnose(_records(case), stage)
-        result, summary = _scored(case, expect, done)
+            done = diagnose(records(case), stage)
+        result, summary = scored(case, expect, done)
         _write_detail(folder / result.detail, case, result, summary)
         write_trace(folder / result.detail, done.trace)
         return result
@@ -111,7 +111,8 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
     )
 
 
-def _records(case: Case) -> Iterable[Record]:
+def records(case: Case) -> Iterable[Record]:
+    """Records of a run, the truth among them."""
     from flea_diag.tools.campaign.case_records import records_of
 
     return records_of(case.recipe)
@@ -179,7 +180,8 @@ def _layout(record: Record) -> tuple[str, ...] | None:
     return record.channels if isinstance(record, Scan) else None
 
 
-def _scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, dict[str, Any]]:
+def scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, dict[str, Any]]:
+    """Result of a run, and the summary that it is made of."""
     from flea_diag.tools.numeric_backend import numeric_backend
     from flea_diag.wire.records import AmbiguityGroup
 

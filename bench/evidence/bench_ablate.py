@@ -1,0 +1,249 @@
+"""What each mechanism of the evidence is worth: the same runs without it.
+
+    scripts/bench ablate                                        the real recordings, by halves
+    scripts/bench ablate --campaign bench/evidence/wing.yaml    other runs, repeatable
+
+Residuals of each run are made once; what decides on them is run as it is, and without one mechanism
+after the other. A run is touched where anything that it says is another one. Idle is what loses no
+run, adds no wrong name and no alarm in at least 200 runs that it touches: fewer say nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from summary import ROOT, Figure, bench_parser, write_summary
+
+from flea_diag.configuration.evidence import EvidenceStand
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.evidence import fault_evidence, hypotheses, white_stream
+from flea_diag.core.evidence.fault_evidence import FaultEvidence
+from flea_diag.core.evidence.friction import Friction
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
+from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
+from flea_diag.core.likelihood_ratio.marginal_ratio import marginal_ratio
+from flea_diag.core.residuals.stop import Stop
+from flea_diag.core.run_law.law_noise import LawNoise
+from flea_diag.errors import FleaError
+from flea_diag.stages.evidence import evidence_group, stream_evidence
+from flea_diag.stages.evidence.evidence_stage import EvidenceStage
+from flea_diag.stages.evidence.evidence_verdict import EvidenceVerdict
+from flea_diag.stages.evidence.sensor_modes import SensorModes
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.tools.campaign.campaign import load_campaign
+from flea_diag.tools.campaign.case import Case, plan
+from flea_diag.tools.campaign.recording_set import RecordingSet
+from flea_diag.tools.campaign.run_result import RunResult
+from flea_diag.tools.evaluate.case_run import CaseDiagnosis, in_blocks, records, scored
+from flea_diag.tools.evaluate.evidence import evidence_stand
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
+from flea_diag.wire.records import Record, Truth, VibrationBlock
+
+EVIDENCE = "evidence"
+ENOUGH = 200
+COUNTS = ("lost", "gained", "wrong", "alarms")
+Patches = tuple[tuple[Any, str, Any], ...]
+
+
+def ones(self: Any, motion: Any) -> float:
+    """Loudness of any window."""
+    return 1.0
+
+
+def nothing_feigned(self: StreamHypotheses, sums: Any, from_before: Any) -> Any:
+    """Of healthy recordings that feign no fault."""
+    return np.zeros(sums.cross.shape[:-2])
+
+
+def no_unit(self: HypothesisBank) -> Any:
+    """Evidence of another unit, where there is none."""
+    return np.full(len(self.onsets), -np.inf)
+
+
+def bounded(self: StreamHypotheses, sums: Any) -> Any:
+    """Evidence of faults whose size reaches no farther than its prior."""
+    return marginal_ratio(sums, self.signatures.prior)
+
+
+MECHANISMS: dict[str, Patches] = {
+    "a window counts less that is far out": ((white_stream, "BOUND", 1e9),),
+    "models are not exact": ((white_stream, "MODEL_ERROR", 0.0),),
+    "a share of the best parts no two": ((evidence_group, "INEXACT", 0.0),),
+    "few windows must say more": (
+        (evidence_group, "patience", lambda windows: 1.0),
+        (stream_evidence, "patience", lambda windows: 1.0),
+    ),
+    "a stream is as loud as before": ((fault_evidence, "LAW_WINDOWS", 1e12),),
+    "windows about the onset left out": (
+        (fault_evidence, "smoothed", lambda onsets: frozenset[int]()),
+    ),
+    "up to three onsets": ((stream_evidence, "MOST_ONSETS", 1),),
+    "another unit": (
+        (HypothesisBank, "_unit_evidence", no_unit),
+        (FaultEvidence, "_unit", lambda self, own, faults: -1e9),
+    ),
+    "what healthy recordings feign": ((StreamHypotheses, "of_healthy", nothing_feigned),),
+    "sizes reach as far as data show": ((StreamHypotheses, "evidence", bounded),),
+    "beyond noise a signal is as read": ((hypotheses, "BOUND", 1e9),),
+    "noise grows with the motion": ((LawNoise, "loudness", ones),),
+    "a slow window is louder": ((Friction, "loudness", ones),),
+    "dry friction holds at rest": (
+        (Friction, "held", lambda self, window: np.zeros(len(self.dry))),
+    ),
+    "near an end a stop may push": (
+        (Stop, "near", lambda self, places: np.zeros(len(places), dtype=bool)),
+    ),
+    "a mode shows what defines it": ((SensorModes, "_shows", lambda self, fault: True),),
+    "no fault explains": ((EvidenceVerdict, "_unexplained", lambda self, *what: ""),),
+}
+"""What is taken out, and what stands in its place."""
+
+
+@contextmanager
+def without(name: str) -> Iterator[None]:
+    """The evidence without a mechanism; empty: the whole."""
+    with ExitStack() as stack:
+        for owner, attribute, other in MECHANISMS.get(name, ()):
+            stack.enter_context(patch.object(owner, attribute, other))
+        yield
+
+
+@dataclass
+class Worth:
+    """Runs that taking out one mechanism touches, and what becomes of them."""
+
+    touched: int = 0
+    lost: int = 0
+    gained: int = 0
+    wrong: int = 0
+    alarms: int = 0
+    lost_runs: list[str] = field(default_factory=list)
+
+    def count(self, whole: RunResult, other: RunResult) -> None:
+        """Add one run."""
+        self.touched += told(whole) != told(other)
+        self.lost += whole.right and not other.right
+        self.gained += other.right and not whole.right
+        self.wrong += misnamed(other) - misnamed(whole)
+        self.alarms += other.false_alarms - whole.false_alarms
+        if whole.right and not other.right:
+            self.lost_runs.append(whole.id)
+
+
+def told(result: RunResult) -> tuple[object, ...]:
+    """All that a run says to those who watch."""
+    return result.outcome, result.group, result.alarms_s
+
+
+def misnamed(result: RunResult) -> bool:
+    """Whether a wrong fault is isolated."""
+    return result.outcome == "ISOLATED" and result.truth not in result.group
+
+
+@cache
+def stand_of(name: str, calibration: str, nominal: tuple[str, ...]) -> EvidenceStand:
+    """The evidence of one stand by one calibration."""
+    stand = load_stand(name, calibration=calibration)
+    return evidence_stand(stand, tuple(Path(bag) for bag in nominal))
+
+
+class Residuals:
+    """One run: what its records cause before anything is decided."""
+
+    def __init__(self, case: Case, stand: EvidenceStand) -> None:
+        source = Pipeline((stand.source(),))
+        self.first = CaseDiagnosis()
+        self.caused: list[Record | Block] = []
+        for record in in_blocks(records(case)):
+            if isinstance(record, Truth):
+                self.first.truths.append(record)
+            elif not isinstance(record, VibrationBlock):
+                self.first.take((record,))
+                by_block = isinstance(record, ScanBlock)
+                self.caused += source.handle_block(record) if by_block else source.handle(record)
+
+    def decided(self, judge: EvidenceStage) -> CaseDiagnosis:
+        """The run as it is judged."""
+        done = CaseDiagnosis(list(self.first.kept), list(self.first.truths))
+        for block in self.caused:
+            by_block = isinstance(block, ResidualBlock)
+            done.take(judge.handle_block(block)[1] if by_block else judge.handle(block))
+        return done
+
+
+def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
+    """Runs of a campaign that the evidence diagnoses, and what each may be called."""
+    campaign = load_campaign(path)
+    recordings = RecordingSet(campaign, folder)
+    cases = [case for case in plan(campaign, recordings) if case.configuration == EVIDENCE]
+    if not cases:
+        raise FleaError(f"{path}: no configuration `{EVIDENCE}`: list it under configurations")
+    recordings.prepare()
+    for case in cases:
+        yield case, dict(campaign.expect)
+
+
+def judged(case: Case, expect: Any, tell: Callable[[str, RunResult], None]) -> None:
+    """One run by the whole and without each mechanism."""
+    stand = stand_of(case.stand, str(case.calibration), tuple(map(str, case.learned_from)))
+    residuals = Residuals(case, stand)
+    for name in ("", *MECHANISMS):
+        with without(name):
+            tell(name, scored(case, expect, residuals.decided(stand.judge()))[0])
+
+
+def figures(worth: dict[str, Worth]) -> Iterator[Figure]:
+    """Runs without each mechanism: always those that are lost, the rest where there are any."""
+    for name, of in worth.items():
+        for what in COUNTS:
+            count = getattr(of, what)
+            if count or what == "lost":
+                yield Figure(f"{name}: {what}", count, "runs", of.touched)
+
+
+def words(worth: dict[str, Worth]) -> Iterator[str]:
+    """The table for people."""
+    yield f"{'taken out':36s} " + " ".join(f"{name:>7s}" for name in ("touched", *COUNTS))
+    for name, of in worth.items():
+        row = " ".join(f"{getattr(of, what):7d}" for what in ("touched", *COUNTS))
+        few = "" if of.touched >= ENOUGH else "   too few to be called idle"
+        yield f"{name:36s} {row}{few}"
+
+
+def main() -> None:
+    """Take out one mechanism after the other."""
+    parser = bench_parser(__doc__)
+    parser.add_argument(
+        "--campaign", type=Path, action="append", metavar="FILE",
+        help="runs, repeatable (default: bench/evidence/real.yaml)",
+    )  # fmt: skip
+    arguments = parser.parse_args()
+    worth = {name: Worth() for name in MECHANISMS}
+    count = 0
+    with TemporaryDirectory() as folder:
+        for path in arguments.campaign or [ROOT / "bench/evidence/real.yaml"]:
+            for case, expect in runs_of(path.resolve(), Path(folder) / path.stem):
+                by_name: dict[str, RunResult] = {}
+                judged(case, expect, by_name.__setitem__)
+                for name, of in worth.items():
+                    of.count(by_name[""], by_name[name])
+                count += 1
+    print(f"{count} runs")
+    print("\n".join(words(worth)))
+    write_summary("ablate", figures(worth), arguments.json)
+
+
+if __name__ == "__main__":
+    main()
