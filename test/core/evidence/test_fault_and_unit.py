@@ -175,9 +175,9 @@ def test_friction_at_a_standstill_holds_what_it_can_and_no_more() -> None:
     dry[0, 0] = 12.0
     known = hypotheses(dry=dry)
     held, pushed = drawn(60, seed=8), drawn(60, seed=8)
-    # What is left beyond all of the friction: half of it is held, or 100 times as much is pushed.
+    # Half of the friction is held, or the push grows to ten times as much, as a drift does.
     held[stood, 0] -= 6.0
-    pushed[stood, 0] += 1200.0
+    pushed[stood, 0] += 120.0 * np.linspace(0.0, 1.0, 40)
     quiet = FaultEvidence(known, 20, windows(held, stood)).weighed()
     assert quiet.alone.max() < 5.0
     assert FaultEvidence(hypotheses(), 20, windows(held)).weighed().alone.max() > 30.0

@@ -221,7 +221,7 @@ def test_a_recording_without_its_truth_is_not_taken_for_healthy(
 def test_a_defect_of_ours_is_one_line_that_names_the_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(case_run, "_records", lambda _: [1 / 0])
+    monkeypatch.setattr(case_run, "records", lambda _: [1 / 0])
     result = run_case(case("nominal"), {}, tmp_path)
     assert result.failure.startswith("ZeroDivisionError: division by zero (test_evaluate.py:")
 
