@@ -25,9 +25,9 @@ run, adds no wrong name and no alarm in at least 200 runs that it touches: fewer
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -143,27 +143,19 @@ class Worth:
     gained: int = 0
     wrong: int = 0
     alarms: int = 0
-    lost_runs: list[str] = field(default_factory=list)
 
     def count(self, whole: RunResult, other: RunResult) -> None:
         """Add one run."""
         self.touched += told(whole) != told(other)
         self.lost += whole.right and not other.right
         self.gained += other.right and not whole.right
-        self.wrong += misnamed(other) - misnamed(whole)
+        self.wrong += other.misnamed - whole.misnamed
         self.alarms += other.false_alarms - whole.false_alarms
-        if whole.right and not other.right:
-            self.lost_runs.append(whole.id)
 
 
 def told(result: RunResult) -> tuple[object, ...]:
     """All that a run says to those who watch."""
     return result.outcome, result.group, result.alarms_s
-
-
-def misnamed(result: RunResult) -> bool:
-    """Whether a wrong fault is isolated."""
-    return result.outcome == "ISOLATED" and result.truth not in result.group
 
 
 @cache
@@ -209,13 +201,15 @@ def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
         yield case, dict(campaign.expect)
 
 
-def judged(case: Case, expect: Any, tell: Callable[[str, RunResult], None]) -> None:
-    """One run by the whole and without each mechanism."""
+def judged(case: Case, expect: Any) -> dict[str, RunResult]:
+    """One run by the whole, under an empty name, and without each mechanism."""
     stand = stand_of(case.stand, str(case.calibration), tuple(map(str, case.learned_from)))
     residuals = Residuals(case, stand)
+    results = {}
     for name in ("", *MECHANISMS):
         with without(name):
-            tell(name, scored(case, expect, residuals.decided(stand.judge()))[0])
+            results[name], _ = scored(case, expect, residuals.decided(stand.judge()))
+    return results
 
 
 def figures(worth: dict[str, Worth]) -> Iterator[Figure]:
@@ -249,10 +243,9 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         for path in arguments.campaign or [ROOT / "bench/evidence/real.yaml"]:
             for case, expect in runs_of(path.resolve(), Path(folder) / path.stem):
-                by_name: dict[str, RunResult] = {}
-                judged(case, expect, by_name.__setitem__)
+                results = judged(case, expect)
                 for name, of in worth.items():
-                    of.count(by_name[""], by_name[name])
+                    of.count(results[""], results[name])
                 count += 1
     print(f"{count} runs")
     print("\n".join(words(worth)))

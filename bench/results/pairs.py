@@ -109,7 +109,7 @@ def row_of(name: str, pairs: Sequence[Pair]) -> KeptRow:
     right, theirs = (sum(pair[k].right for pair in pairs) for k in (0, 1))
     alone = sum(ours.right and not other.right for ours, other in pairs)
     both = [p for p in pairs if all(run.detection_time_s is not None for run in p)]
-    wrong = [sum(is_wrong(pair[k]) for pair in pairs) for k in (0, 1)]
+    wrong = [sum(pair[k].misnamed for pair in pairs) for k in (0, 1)]
     cells = {
         "the other": f"{theirs}",
         "a wrong fault isolated": f"{wrong[0]}, {wrong[1]}",
@@ -118,11 +118,6 @@ def row_of(name: str, pairs: Sequence[Pair]) -> KeptRow:
         "faults in the group": means(both, lambda run: len(run.group)),
     }
     return KeptRow(name, right, len(pairs), cells={k: v for k, v in cells.items() if v})
-
-
-def is_wrong(run: RunResult) -> bool:
-    """Whether a single fault is named that is not the one that is there."""
-    return run.outcome == "ISOLATED" and run.truth not in run.group
 
 
 def cost(name: str, pairs: Sequence[Pair]) -> KeptRow:

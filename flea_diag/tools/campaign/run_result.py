@@ -163,6 +163,11 @@ class RunResult:
         )
 
     @property
+    def misnamed(self) -> bool:
+        """Whether a single fault is named that is not the one that is there."""
+        return self.outcome == "ISOLATED" and self.truth not in self.group
+
+    @property
     def by_design(self) -> bool:
         """Whether the group is too large and the verdict says that it cannot be split further.
 
