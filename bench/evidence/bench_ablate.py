@@ -17,9 +17,9 @@
     scripts/bench ablate                                        the real recordings, by halves
     scripts/bench ablate --campaign bench/evidence/wing.yaml    other runs, repeatable
 
-Residuals of each run are made once; what decides on them is run as it is, and without one mechanism
-after the other. A run is touched where anything that it says is another one. Idle is what loses no
-run, adds no wrong name and no alarm in at least 200 runs that it touches: fewer say nothing.
+Each run is diagnosed as it is, and without one mechanism after the other. A run is touched where
+anything that it says is another one. Idle is what loses no run, adds no wrong name and no alarm in
+at least 200 runs that it touches: fewer say nothing.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from summary import ROOT, Figure, bench_parser, write_summary
 
+from flea_diag.configuration.component import evidence_pipeline
 from flea_diag.configuration.evidence import EvidenceStand
-from flea_diag.configuration.stand import load_stand
+from flea_diag.configuration.stand import Stand, load_stand
 from flea_diag.core.evidence import fault_evidence, hypotheses, white_stream
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
 from flea_diag.core.evidence.friction import Friction
@@ -52,18 +53,14 @@ from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.run_law.law_noise import LawNoise
 from flea_diag.errors import FleaError
 from flea_diag.stages.evidence import evidence_group, stream_evidence
-from flea_diag.stages.evidence.evidence_stage import EvidenceStage
-from flea_diag.stages.evidence.evidence_verdict import EvidenceVerdict
+from flea_diag.stages.evidence.evidence_outcome import EvidenceOutcome
 from flea_diag.stages.evidence.sensor_modes import SensorModes
-from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.campaign.campaign import load_campaign
 from flea_diag.tools.campaign.case import Case, plan
 from flea_diag.tools.campaign.recording_set import RecordingSet
 from flea_diag.tools.campaign.run_result import RunResult
-from flea_diag.tools.evaluate.case_run import CaseDiagnosis, in_blocks, records, scored
+from flea_diag.tools.evaluate.case_run import diagnose, records, scored
 from flea_diag.tools.evaluate.evidence import evidence_stand
-from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
-from flea_diag.wire.records import Record, Truth, VibrationBlock
 
 EVIDENCE = "evidence"
 ENOUGH = 200
@@ -120,7 +117,7 @@ MECHANISMS: dict[str, Patches] = {
         (Stop, "near", lambda self, places: np.zeros(len(places), dtype=bool)),
     ),
     "a mode shows what defines it": ((SensorModes, "_shows", lambda self, fault: True),),
-    "no fault explains": ((EvidenceVerdict, "_unexplained", lambda self, *what: ""),),
+    "no fault explains": ((EvidenceOutcome, "_contradiction", lambda self, *what: None),),
 }
 """What is taken out, and what stands in its place."""
 
@@ -159,34 +156,9 @@ def told(result: RunResult) -> tuple[object, ...]:
 
 
 @cache
-def stand_of(name: str, calibration: str, nominal: tuple[str, ...]) -> EvidenceStand:
+def evidence_by(stand: Stand, nominal: tuple[Path, ...]) -> EvidenceStand:
     """The evidence of one stand by one calibration."""
-    stand = load_stand(name, calibration=calibration)
-    return evidence_stand(stand, tuple(Path(bag) for bag in nominal))
-
-
-class Residuals:
-    """One run: what its records cause before anything is decided."""
-
-    def __init__(self, case: Case, stand: EvidenceStand) -> None:
-        source = Pipeline((stand.source(),))
-        self.first = CaseDiagnosis()
-        self.caused: list[Record | Block] = []
-        for record in in_blocks(records(case)):
-            if isinstance(record, Truth):
-                self.first.truths.append(record)
-            elif not isinstance(record, VibrationBlock):
-                self.first.take((record,))
-                by_block = isinstance(record, ScanBlock)
-                self.caused += source.handle_block(record) if by_block else source.handle(record)
-
-    def decided(self, judge: EvidenceStage) -> CaseDiagnosis:
-        """The run as it is judged."""
-        done = CaseDiagnosis(list(self.first.kept), list(self.first.truths))
-        for block in self.caused:
-            by_block = isinstance(block, ResidualBlock)
-            done.take(judge.handle_block(block)[1] if by_block else judge.handle(block))
-        return done
+    return evidence_stand(stand, nominal)
 
 
 def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
@@ -203,12 +175,13 @@ def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
 
 def judged(case: Case, expect: Any) -> dict[str, RunResult]:
     """One run by the whole, under an empty name, and without each mechanism."""
-    stand = stand_of(case.stand, str(case.calibration), tuple(map(str, case.learned_from)))
-    residuals = Residuals(case, stand)
+    stand = load_stand(case.stand, calibration=case.calibration)
+    known = evidence_by(stand, tuple(Path(bag) for bag in case.learned_from))
     results = {}
     for name in ("", *MECHANISMS):
         with without(name):
-            results[name], _ = scored(case, expect, residuals.decided(stand.judge()))
+            done = diagnose(records(case), evidence_pipeline(known, stand))
+            results[name], _ = scored(case, expect, done)
     return results
 
 

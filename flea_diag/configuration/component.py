@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass
-from typing import Any, Generic, TypeVar
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flea_diag.configuration.calibrations import calibration_sha256, learned
 from flea_diag.configuration.knowledge import effects, knowledge, load_features
@@ -35,6 +36,9 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock
+
+if TYPE_CHECKING:
+    from flea_diag.configuration.evidence import EvidenceStand
 
 WARM_UP_SCANS = 60
 """Number of scans of the warm-up, more than the delay of the smoothing."""
@@ -75,6 +79,22 @@ class DataSource:
         "live",
         "source of the data; of a replay nothing is raised on /diagnostics",
         choices=("live", "replay"),
+        read_only=True,
+    )
+
+
+HYBRID, EVIDENCE = "hybrid", "evidence"
+
+
+@dataclass(frozen=True)
+class Decides:
+    """What decides."""
+
+    configuration: str = parameter(
+        HYBRID,
+        "what detects and isolates, the same for observer and isolator: signs and likelihoods "
+        "after tests of every residual, or the evidence by the law of healthy recordings",
+        choices=(HYBRID, EVIDENCE),
         read_only=True,
     )
 
@@ -162,15 +182,28 @@ class Component(Generic[P]):
 
 
 def _observer(stand: Stand, values: Any) -> ObserverStage:
+    parameters = _part(ObserverParameters, values)
+    if values.configuration == EVIDENCE:
+        return _by_evidence(stand).observer(parameters)
     calibration = learned(stand)
     known = effects(stand, calibration)
     nominal = load_features(stand.features).nominal
-    return ObserverStage(calibration, known, _part(ObserverParameters, values), nominal)
+    return ObserverStage(calibration, known, parameters, nominal)
 
 
 def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorStage:
     parameters = _part(IsolatorParameters, values)
+    if values.configuration == EVIDENCE:
+        return _by_evidence(stand).isolator(parameters, in_process)
     return IsolatorStage(knowledge(stand, learned(stand)), parameters, in_process)
+
+
+@lru_cache(maxsize=1)
+def _by_evidence(stand: Stand) -> EvidenceStand:
+    """Made once for the stages of one process."""
+    from flea_diag.configuration.evidence import evidence_of
+
+    return evidence_of(stand)
 
 
 def _extractor(stand: Stand, values: Any) -> ExtractorStage:
@@ -186,11 +219,19 @@ def _diagnoser(stand: Stand, values: Any) -> Pipeline:
     return Pipeline((_observer(stand, values), isolator, _extractor(stand, values)))
 
 
+def evidence_pipeline(known: EvidenceStand, stand: Stand, **given: Any) -> Pipeline:
+    """The three stages by an evidence that is made, for a replay without ROS."""
+    values = DIAGNOSER.parameters(source="replay", configuration=EVIDENCE, **given)
+    observer = known.observer(_part(ObserverParameters, values))
+    isolator = known.isolator(_part(IsolatorParameters, values), in_process=True)
+    return Pipeline((observer, isolator, _extractor(stand, values)))
+
+
 OBSERVER: Component[Any] = Component(
-    _joined("Observer", StandParameters, DataSource, Batch, ObserverParameters), _observer
+    _joined("Observer", StandParameters, DataSource, Decides, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
-    _joined("Isolator", StandParameters, Memory, IsolatorParameters), _isolator
+    _joined("Isolator", StandParameters, Decides, Memory, IsolatorParameters), _isolator
 )
 EXTRACTOR: Component[Any] = Component(
     _joined("Extractor", StandParameters, DataSource, ExtractorParameters), _extractor
@@ -199,6 +240,7 @@ DIAGNOSER: Component[Any] = Component(
     _joined(
         "Diagnoser",
         StandParameters,
+        Decides,
         Memory,
         Batch,
         ObserverParameters,

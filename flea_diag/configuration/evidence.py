@@ -16,17 +16,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import described
-from flea_diag.configuration.knowledge import effects, knowledge
+from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
-from flea_diag.core.isolation.detectability import shows_from
-from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
+from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -34,54 +35,43 @@ from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names, speed_signal
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
+from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.errors import ConfigurationError
-from flea_diag.stages.evidence.evidence_stage import EvidenceKnowledge, EvidenceStage
-from flea_diag.stages.evidence.evidence_verdict import VerdictKnowledge
-from flea_diag.stages.evidence.residual_source import ResidualSource
+from flea_diag.stages.evidence.evidence_chain import EvidenceChain
+from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
+from flea_diag.stages.evidence.evidence_method import EvidenceMethod
 from flea_diag.stages.evidence.sensor_modes import ChannelMotion, SensorKnowledge, SensorModes
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import limits_of
-from flea_diag.stages.isolator.parameters import Knowledge
-from flea_diag.stages.observer.regressor_table import answers_of
-from flea_diag.stages.pipeline import Pipeline
+from flea_diag.stages.isolator.isolator import IsolatorStage
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 
 
 @dataclass(frozen=True)
 class EvidenceStand:
-    """What the stage of a stand is made of."""
+    """What the stages of a stand are made of."""
 
-    calibration: Calibration
-    effects: EffectSet
-    sensors: SensorKnowledge
-    law: RunLaw
+    told: Knowledge
+    nominal: NominalRanges
     knowledge: EvidenceKnowledge
 
-    def stage(self) -> Pipeline:
-        """A new diagnoser."""
-        return Pipeline((self.source(), self.judge()))
+    @property
+    def calibration(self) -> Calibration:
+        """The one that everything rests on."""
+        return self.told.calibration
 
-    def source(self) -> ResidualSource:
-        """Scans in, residuals out."""
-        known, calibration = self.effects, self.calibration
-        answers = answers_of(known, calibration.parameters, self.law.relations)
-        return ResidualSource(calibration, known, answers)
+    def observer(self, parameters: ObserverParameters) -> ObserverStage:
+        """Scans in, residuals and detection out."""
+        known, calibration = self.told.effects, self.calibration
+        chain = EvidenceChain(self.knowledge, calibration, known, parameters)
+        return ObserverStage(calibration, known, parameters, self.nominal, chain)
 
-    def judge(self) -> EvidenceStage:
-        """Residuals in, verdicts out."""
-        known, calibration = self.effects, self.calibration
-        rows = known.residuals
-        scans = max(1, round(WINDOW_S / calibration.period_s))
-        current, load, way, *speeds = motion_signals(rows)
-        moving = current, load, way, speed_signal(rows)
-        motions = _motions(rows, calibration.parameters).values()
-        slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
-        known_by = self.knowledge.hypotheses[0]
-        columns = StreamColumns(
-            self.law.relations, frozenset(rows.in_motion), signal_names(known),
-            moving, known_by.acting, slow, known.relations.stop,
-            self.law.travel, calibration.period_s, scans,
-        )  # fmt: skip
-        return EvidenceStage(self.knowledge, columns, self.sensors)
+    def isolator(self, parameters: IsolatorParameters, in_process: bool = False) -> IsolatorStage:
+        """Residuals and detection in, verdicts out."""
+        method = partial(EvidenceMethod, self.knowledge)
+        return IsolatorStage(self.told, parameters, in_process, method)
 
 
 def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceStand:
@@ -108,13 +98,29 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     sensors = _sensors(told)
     judged = {model.fault for model in signatures.models} - SensorModes(sensors).faults
     limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
-    verdict = VerdictKnowledge(
-        signatures.models, law.relations, told.faults, told.calibration_sha256,
-        calibration.promise.stated_per_hour, calibration.promise.supported_per_hour,
-        shows_from(law.visible),
+    nominal = load_features(stand.features).nominal
+    judged_by = EvidenceKnowledge(
+        (made[0], made[1]), law.relations, frozenset(judged), limits, sensors,
+        _columns(told, law, made[0]),
     )  # fmt: skip
-    judged_by = EvidenceKnowledge((made[0], made[1]), frozenset(judged), limits, verdict)
-    return EvidenceStand(calibration, known, sensors, law, judged_by)
+    return EvidenceStand(told, nominal, judged_by)
+
+
+def _columns(
+    told: Knowledge, law: RunLaw, known_by: StreamHypotheses
+) -> Callable[[], StreamColumns]:
+    """What makes the windows of a stream."""
+    known, calibration = told.effects, told.calibration
+    rows = known.residuals
+    scans = max(1, round(WINDOW_S / calibration.period_s))
+    current, load, way, *speeds = motion_signals(rows)
+    moving = current, load, way, speed_signal(rows)
+    motions = _motions(rows, calibration.parameters).values()
+    slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
+    return partial(
+        StreamColumns, law.relations, frozenset(rows.in_motion), signal_names(known), moving,
+        known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s, scans,
+    )  # fmt: skip
 
 
 def _sensors(told: Knowledge) -> SensorKnowledge:

@@ -26,7 +26,7 @@ from collections import deque
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
-from types import FunctionType, NoneType
+from types import FunctionType, MappingProxyType, NoneType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,7 +37,9 @@ T = TypeVar("T")
 Memo = dict[int, Any]
 """Identity of an object -> its copy, as ``deepcopy`` has it."""
 
-SHARED = frozenset({NoneType, bool, int, float, complex, str, bytes, slice, FunctionType})
+SHARED = frozenset(
+    {NoneType, bool, int, float, complex, str, bytes, slice, FunctionType, MappingProxyType}
+)
 """Types whose values never change."""
 
 

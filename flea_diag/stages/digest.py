@@ -46,7 +46,7 @@ from flea_diag.wire.records import (
 )
 
 LEFT_OUT: dict[type, tuple[str, ...]] = {
-    Detection: (),
+    Detection: ("onsets",),
     Symbols: (),
     FeatureRequest: (),
     FeatureValue: ("cost_ms",),

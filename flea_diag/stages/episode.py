@@ -40,6 +40,7 @@ class Episode:
     opening_shift : residual that left its earlier level in this run; empty if none did
     opened_by_vibration : whether the vibration monitor opened it
     taken_over : whether the observer was restarted within it: then only a reset ends it
+    onsets_ns : stamps after which it may have begun, if it was found by its evidence
     """
 
     number: int
@@ -49,6 +50,7 @@ class Episode:
     opening_shift: str = ""
     opened_by_vibration: bool = False
     taken_over: bool = False
+    onsets_ns: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, detection: Detection, number: int) -> Episode:
@@ -60,6 +62,7 @@ class Episode:
             opening_cause(detection),
             opening_shift(detection),
             taken_over=detection.test == TAKEN_OVER,
+            onsets_ns=tuple(stamp_ns for _, stamp_ns in detection.onsets),
         )
 
     def joined_by(self, detection: Detection) -> Episode:
@@ -68,6 +71,7 @@ class Episode:
             self,
             detection_number=detection.episode,
             opening_shift=opening_shift(detection),
+            onsets_ns=tuple(stamp_ns for _, stamp_ns in detection.onsets),
         )
 
 

@@ -231,7 +231,8 @@ class Detection:
     """Fault flag: raised by the first residual whose |z| exceeds its threshold.
 
     When it is cleared, ``test`` gives the reason: ``quiet``, ``reset``, ``ANOTHER_UNIT``,
-    or ``TAKEN_BACK`` and why.
+    or ``TAKEN_BACK`` and why. ``onsets``: rank and stamp after which what is found by its evidence
+    may have begun, the most likely first.
     """
 
     stamp_ns: int
@@ -241,6 +242,7 @@ class Detection:
     z: float
     threshold: float
     test: str
+    onsets: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

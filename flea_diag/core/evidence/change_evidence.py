@@ -48,6 +48,11 @@ class ChangeEvidence:
         """Windows that count since the last of the onsets."""
         return min(evidence.windows for evidence in self._onsets)
 
+    @property
+    def first(self) -> FaultEvidence:
+        """Of the most likely onset."""
+        return self._onsets[0]
+
     def weighed(self) -> OnsetWeighed:
         """Mean over the onsets; size and misfit of a model are those of the onset it fits best."""
         every = [evidence.weighed() for evidence in self._onsets]

@@ -46,6 +46,7 @@ from flea_diag.core.likelihood_ratio.marginal_ratio import (
     posterior,
     posterior_mean,
 )
+from flea_diag.core.run_law.law_noise import BOUND
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals
 
@@ -55,13 +56,14 @@ LAW_WINDOWS = 10
 """Windows for which the noise of the law stands beside that of a stream before an onset."""
 KEPT_S = 60.0
 """History that is weighed once more after a detection."""
+KEPT_WINDOWS = round(KEPT_S / WINDOW_S)
 
 
 class StreamHistory:
-    """The windows of the last ``KEPT_S``, and the number of the first of them."""
+    """The last ``KEPT_WINDOWS``, and how many there were."""
 
     def __init__(self) -> None:
-        self.windows: deque[LawWindow] = deque(maxlen=round(KEPT_S / WINDOW_S))
+        self.windows: deque[LawWindow] = deque(maxlen=KEPT_WINDOWS)
         self.taken = 0
 
     def add(self, window: LawWindow) -> None:
@@ -141,6 +143,11 @@ class FaultEvidence:
         self._cross = np.zeros((relations, models, sizes, own))
         self._count = np.zeros(relations)
         self._quiet = np.full((2, relations), float(LAW_WINDOWS))
+        self.errors = np.full(relations, np.nan)
+        """Standardised errors of the last window under no fault, shape (relations,)."""
+        self._seen = np.zeros((2, relations))
+        self.ended = 0.0
+        """Evidence that the fault has ended, over that it lasts, since some window, nats."""
         for window in windows:
             self.add(window)
 
@@ -148,6 +155,7 @@ class FaultEvidence:
         """Take one window."""
         since = self._stream.windows - self._onset
         white = self._stream.step(window, counts=self._stream.windows not in self._smoothed)
+        self.errors = white.errors
         effect = white.faults + (since + 0.5) * WINDOW_S * white.growing
         both = np.concatenate((effect, white.unit), axis=-1) * (since >= 0)
         later = self._later.step(both, white.gain) * white.scale
@@ -156,12 +164,16 @@ class FaultEvidence:
         if since < 0:
             self._take_quiet(white)
             return
+        known = np.nan_to_num(white.errors)
         self._count += np.isfinite(white.errors)
+        self._seen += known, np.square(known)
         own = np.concatenate((white.own, later[:, count:]), axis=-1)
         # From the start of a stream nothing says yet how far a reading may be off.
         exact = exact_share(white.deviations if self._onset else white.errors)
         own, phi = own * exact, phi * exact[..., None]
-        self._take(own, phi, weight_of(self._errors(own, phi)))
+        errors, without = self._errors(own, phi)
+        self.ended = max(self.ended + float(distance(errors).sum() - distance(without).sum()), 0.0)
+        self._take(own, phi, weight_of(errors))
 
     def _take_quiet(self, white: WhiteWindow) -> None:
         """Add the products of one window before the onset, and how loud it is."""
@@ -179,8 +191,11 @@ class FaultEvidence:
         self._gram += phi[..., :, None] * phi[..., None, :]
         self._cross += phi[..., None] * own[:, None, None, :]
 
-    def _errors(self, own: Array, phi: Array) -> Array:
-        """Errors of prediction by the best model so far, with another unit, (relations,)."""
+    def _errors(self, own: Array, phi: Array) -> tuple[Array, Array]:
+        """Errors of prediction by the best model so far, with another unit, and without the fault.
+
+        Each of shape (relations,).
+        """
         sums, prior = self._sums(np.ones(len(own)), self._own.shape[-1]), self._h.signatures.prior
         best = int(marginal_ratio(sums, prior).argmax())
         sigma, cross = np.maximum(prior.sigma[best], 1e-12), sums.cross[best]
@@ -190,8 +205,14 @@ class FaultEvidence:
         ])  # fmt: skip
         b = np.concatenate((cross[:, 0] + prior.mean[best] / sigma**2, sums.own[1:, 0]))
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
-        rows = np.column_stack((own[:, 0], phi[:, best], own[:, 1:]))
-        return standardised(rows, covariance @ b, covariance)
+        rows, mean = np.column_stack((own[:, 0], phi[:, best], own[:, 1:])), covariance @ b
+        errors = standardised(rows, mean, covariance)
+        return errors, errors + phi[:, best] @ mean[: phi.shape[-1]]
+
+    @property
+    def shown(self) -> tuple[Array, Array, Array]:
+        """Windows since the onset, sum and sum of squares of their errors; each (relations,)."""
+        return self._count, self._seen[0], self._seen[1]
 
     @property
     def windows(self) -> float:
@@ -259,6 +280,12 @@ def smoothed(onsets: Iterable[int]) -> frozenset[int]:
     """Numbers of the windows about onsets that hold a part of a fault, smoothed."""
     about = range(-1, ONSET_WINDOWS)
     return frozenset(onset + k for onset in onsets if onset > 0 for k in about)
+
+
+def distance(errors: Array) -> Array:
+    """Half the square of each error, nats; what is far out counts by its distance alone."""
+    size = np.abs(errors)
+    return np.where(size < BOUND, 0.5 * np.square(size), BOUND * (size - 0.5 * BOUND))
 
 
 def other_unit(own: Array, alone: int) -> float:

@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures, SizePrior
@@ -48,7 +49,7 @@ OTHER_UNIT_K = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class StreamHypotheses:
+class StreamHypotheses(Frozen):
     """Of one stand, in the noise of its law.
 
     Attributes

@@ -64,6 +64,8 @@ class HypothesisBank:
         self._unit_cross = np.zeros((1, units, own))
         self.onsets = np.zeros(1, dtype=np.int64)
         """Number of the window at which each begins; the first is the start of the stream."""
+        self.errors = np.full(relations, np.nan)
+        """Standardised errors of the last window under no fault, shape (relations,)."""
 
     @property
     def windows(self) -> int:
@@ -81,6 +83,7 @@ class HypothesisBank:
             self._begin()
         since_s = (self.windows - self.onsets + 0.5) * WINDOW_S
         white = self.stream.step(window)
+        self.errors = white.errors
         weight = weight_of(white.errors)
         own = white.own * weight
         self.stream.count(own, self._fade)

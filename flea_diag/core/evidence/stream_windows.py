@@ -22,12 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.run_law.run_windows import (
     FORMED,
     PLACE,
     WindowMotion,
     along,
     left_out,
+    losses,
     own_name,
 )
 
@@ -37,7 +39,7 @@ Places = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class LawWindow:
+class LawWindow(Frozen):
     """Means over one window.
 
     Attributes
@@ -99,6 +101,7 @@ class LawWindowMeans:
         self._acting = acting[:, : len(formed)]
         self._period_s, self._scans = period_s, scans
         self._before: Array | None = None
+        self._heat = 0.0
         self._values = np.empty((0, len(relations)))
         self._signals = np.empty((0, 1 + len(relations), len(signals)))
         self._stands = np.empty(0, dtype=bool)
@@ -115,16 +118,17 @@ class LawWindowMeans:
         begun = len(self._values)
         missing = (np.isnan(table[:, self._told]) & self._acting).any(axis=-1)
         values = np.where(missing, np.nan, values)
-        self._values = np.concatenate((self._values, values))
-        self._signals = np.concatenate((self._signals, self._formed(table)))
-        self._stands = np.concatenate((self._stands, stands))
-        count = len(self._values) // self._scans
-        for number in range(count):
-            window = slice(number * self._scans, (number + 1) * self._scans)
-            yield window.stop - begun - 1, self._mean(window)
-        self._values = self._values[count * self._scans :]
-        self._signals = self._signals[count * self._scans :]
-        self._stands = self._stands[count * self._scans :]
+        values = np.concatenate((self._values, values))
+        signals = np.concatenate((self._signals, self._formed(table)))
+        stands = np.concatenate((self._stands, stands))
+        whole = len(values) // self._scans * self._scans
+        # Kept before any window is handed out: whoever takes them may stop at one.
+        self._values, self._signals = values[whole:], signals[whole:]
+        self._stands = stands[whole:]
+        for first in range(0, whole, self._scans):
+            window = slice(first, first + self._scans)
+            mean = self._mean(values[window], signals[window], stands[window])
+            yield window.stop - begun - 1, mean
 
     def _formed(self, table: Array) -> Array:
         """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
@@ -136,10 +140,12 @@ class LawWindowMeans:
         rate = np.diff(current, axis=0, prepend=before) / self._period_s
         load, way = formed[..., self._load], formed[..., self._way]
         place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
-        return np.concatenate((formed, left_out(current, rate, load, way, place)), axis=-1)
+        heat = losses(current[:, 0], self._heat, self._period_s)
+        self._heat = float(heat[-1]) if len(heat) else self._heat
+        behind = left_out(current, rate, heat[:, None], load, way, place)
+        return np.concatenate((formed, behind), axis=-1)
 
-    def _mean(self, window: slice) -> LawWindow:
-        values, signals = self._values[window], self._signals[window]
+    def _mean(self, values: Array, signals: Array, stands: Flags) -> LawWindow:
         known = np.isfinite(values)
         found = known.sum(axis=0)
         share = known / np.maximum(found, 1)
@@ -147,5 +153,5 @@ class LawWindowMeans:
         means[2 * found <= len(values)] = np.nan
         motion = self._moves.step(*(signals[:, 0, k] for k in (self._way, self._load, self._speed)))
         told = np.einsum("nr,nrs->rs", share, signals[:, 1:])
-        stands = 2 * int(self._stands[window].sum()) > len(values)
-        return LawWindow(means, told, share.T @ signals[:, 0], motion, stands)
+        stood = 2 * int(stands.sum()) > len(values)
+        return LawWindow(means, told, share.T @ signals[:, 0], motion, stood)

@@ -76,11 +76,13 @@ class Hypothesis:
     """A fault under consideration; ``why_dropped`` is empty while it is alive.
 
     ``log_features``: log-likelihood added by feature values, up to a constant of the group.
+    ``why_kept``: what speaks for it.
     """
 
     fault: Fault
     checks: list[ConsistencyCheck] = field(default_factory=list)
     why_dropped: str = ""
+    why_kept: str = "consistent with all evidence so far"
     log_likelihood: float = 0.0
     log_features: float = 0.0
     fit: Fit | None = None

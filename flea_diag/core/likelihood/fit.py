@@ -59,6 +59,21 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
+class KnownErrors:
+    """Standard errors that are known at once; what is left is told elsewhere."""
+
+    errors: tuple[float, ...]
+
+    def sigmas(self) -> tuple[float, ...]:
+        """Standard error of each size."""
+        return self.errors
+
+    def left(self) -> tuple[float, ...]:
+        """Not told here."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
 class Fit:
     """One hypothesis against the window: log-likelihood ratio and sizes.
 
@@ -69,7 +84,7 @@ class Fit:
     fault: str
     log_likelihood: float
     sizes: tuple[float, ...]
-    solution: Solution | None = field(default=None, compare=False, repr=False)
+    solution: Solution | KnownErrors | None = field(default=None, compare=False, repr=False)
 
     @property
     def sigmas(self) -> tuple[float, ...]:

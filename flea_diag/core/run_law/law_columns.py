@@ -35,6 +35,7 @@ from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ZEROS, Actuator
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation
 from flea_diag.core.run_law.run_windows import (
     BY_PLACE,
+    CURRENT_HEAT,
     CURRENT_RATE,
     CURRENT_WAY,
     LOAD_BY_PLACE,
@@ -186,7 +187,7 @@ def _neglected(effects: EffectSet) -> Iterator[Term]:
     """Columns of one relation each."""
     circuit = effects.residuals.circuit
     for row in effects.relations.relations:
-        signals = [CURRENT_RATE] if row.name == circuit else []
+        signals = [CURRENT_RATE, CURRENT_HEAT] if row.name == circuit else []
         for signal in (*signals, *_loads(row, effects), *_of_pair(row, effects)):
             yield _own(row.name, signal)
     for name in effects.residuals.predictions:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -33,15 +34,18 @@ Flags = npt.NDArray[np.bool_]
 
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
-CURRENT_RATE, CURRENT_WAY = "current_rate", "current_way"
+CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT = "current_rate", "current_way", "current_by_heat"
 LOAD_DRAG, REVERSAL = "load_drag", "reversal"
 BY_PLACE = ("by_place", "by_place_squared")
 LOAD_BY_PLACE = ("load_by_place", "load_by_place_squared")
 WAY_BY_PLACE = ("way_by_place", "way_by_place_squared")
 FORMED = (
-    CURRENT_RATE, CURRENT_WAY, LOAD_DRAG, REVERSAL, *BY_PLACE, *LOAD_BY_PLACE, *WAY_BY_PLACE,
+    CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT, LOAD_DRAG, REVERSAL,
+    *BY_PLACE, *LOAD_BY_PLACE, *WAY_BY_PLACE,
 )  # fmt: skip
 """Signals of the law behind those of the faults, in the order of ``left_out``."""
+HEATING_S = 60.0
+"""Time for which a winding keeps its losses: an assumption, windings have half a minute to two."""
 PLACE = "place"
 """Column of a table of regressors: where along the stroke the machine is."""
 TURNS = 0.99
@@ -135,7 +139,8 @@ def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place
     current, load, way = (_column(regressors, effects, name) for name in motion_signals(
         effects.residuals)[:3])  # fmt: skip
     rate = np.diff(current, prepend=current[:1]) / period_s
-    behind = left_out(current, rate, load, way, place)
+    heat = losses(current, 0.0, period_s)
+    behind = left_out(current, rate, heat, load, way, place)
     return np.concatenate((regressors[:, : len(effects.names)], behind), axis=-1)
 
 
@@ -154,12 +159,26 @@ def along(places: Array, travel: tuple[float, ...]) -> Array:
     return np.nan_to_num(np.clip((2.0 * places - low - high) / (high - low), -1.0, 1.0))
 
 
-def left_out(current: Array, rate: Array, load: Array, way: Array, place: Array) -> Array:
+def losses(current: Array, before: float, period_s: float) -> Array:
+    """Integral of the squared current, fading by ``HEATING_S``, A^2 s, shape (n,).
+
+    ``before``: up to the first scan. Added one by one: the same bits whatever the blocks.
+    """
+    kept = math.exp(-period_s / HEATING_S)
+    squares = (np.square(np.nan_to_num(current)) * period_s).tolist()
+    every = accumulate(squares, lambda heat, square: kept * heat + square, initial=before)
+    return np.array(list(every)[1:])
+
+
+def left_out(
+    current: Array, rate: Array, heat: Array, load: Array, way: Array, place: Array
+) -> Array:
     """What relations leave out, shape (..., ``FORMED``).
 
     The rate of the current, by which a winding's inductance acts, or two channels of the circuit
-    that lag behind each other; its sign, by which the dead time of a bridge acts; the load times
-    the sign of the motion, by which a load rubs; what the smooth sign of the motion leaves out at a
+    that lag behind each other; its sign, by which the dead time of a bridge acts; the current times
+    the losses of late, which warm a winding more than its thermometer says; the load times the sign
+    of the motion, by which a load rubs; what the smooth sign of the motion leaves out at a
     reversal, where dry friction has its peak; and how a load, lever arms and friction change along
     the stroke.
     """
@@ -167,7 +186,8 @@ def left_out(current: Array, rate: Array, load: Array, way: Array, place: Array)
     apart = place, 1.5 * np.square(place) - 0.5
     changing = (signal * by for signal in (np.ones_like(way), load, way) for by in apart)
     turn = way * (1.0 - np.square(way))
-    return np.stack((rate, np.sign(current), np.abs(load) * way, turn, *changing), axis=-1)
+    electric = rate, np.sign(current), current * heat
+    return np.stack((*electric, np.abs(load) * way, turn, *changing), axis=-1)
 
 
 def own_name(relation: str, signal: str) -> str:

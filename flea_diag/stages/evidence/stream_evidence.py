@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class EvidenceLimits(NamedTuple):
 class StreamChange(NamedTuple):
     """Something that began with a window, the limit that it exceeds, and what speaks for what."""
 
-    onset: int
+    onsets: tuple[int, ...]
     limit: float
     evidence: ChangeEvidence
 
@@ -80,7 +81,8 @@ class StreamEvidence:
         self._limits, self._judged = limits, judged
         self.history = StreamHistory()
         self._bank = HypothesisBank(self._own)
-        self._begun = 0
+        self.begun = 0
+        """Number of the first window that counts."""
         self._changed: StreamChange | None = None
         self.other_unit = -1
         """Window with which another unit took over; -1: none has."""
@@ -89,6 +91,16 @@ class StreamEvidence:
     def hypotheses(self) -> StreamHypotheses:
         """Of the unit in use."""
         return self._own if self.other_unit < 0 else self._another
+
+    @property
+    def errors(self) -> Array:
+        """Standardised errors of the last window under no fault, shape (relations,)."""
+        return self._bank.errors
+
+    def rearm(self) -> None:
+        """Nothing so far counts: what was found is over."""
+        self.begun, self._changed = self.history.taken, None
+        self._bank = HypothesisBank(self.hypotheses, self.begun)
 
     def add(self, window: LawWindow) -> Found | None:
         """Take one window; a fault, once one is found."""
@@ -106,7 +118,7 @@ class StreamEvidence:
         """The onset of the most likely change, where one is beyond its limit."""
         faults, unit = self._bank.weighed(min(self._limits))
         faults = np.where(self._judged, faults, -np.inf)
-        at_start = (self._bank.onsets == 0) & (self._begun == 0)
+        at_start = (self._bank.onsets == 0) & (self.begun == 0)
         limits = np.where(at_start, self._limits.before, self._limits.onset)
         beyond = faults - limits[:, None]
         if self.other_unit < 0:
@@ -116,9 +128,8 @@ class StreamEvidence:
             return None
         alike = np.where((at_start == at_start[at])[:, None], faults, -np.inf)
         places = [at, *_own_onsets(alike, float(faults[at].max()))]
-        onsets = dict.fromkeys(self._begun + int(self._bank.onsets[place]) for place in places)
-        found = list(onsets)[:MOST_ONSETS]
-        return StreamChange(found[0], float(limits[at]), self.of_fault(*found))
+        onsets = dict.fromkeys(self.begun + int(self._bank.onsets[place]) for place in places)
+        return self.of_fault(tuple(onsets)[:MOST_ONSETS], float(limits[at]))
 
     def _told(self, change: StreamChange) -> Found | None:
         """What a change was, once it is told: a fault, another unit, or nothing after all."""
@@ -142,7 +153,7 @@ class StreamEvidence:
             self._changed = None
         elif unit - alone.max() > APART_NATS:
             self._changed = None
-            self._go_over(change.onset)
+            self._go_over(change.onsets[0])
         return None
 
     def was_unit(self, change: StreamChange, weighed: OnsetWeighed) -> bool:
@@ -154,23 +165,30 @@ class StreamEvidence:
         if weighed.unit - alone < APART_NATS or with_unit > change.limit:
             return False
         self._changed = None
-        self._go_over(change.onset)
+        self._go_over(change.onsets[0])
         return True
 
     def _go_over(self, onset: int) -> None:
         """Another unit is in use from a window on: nothing before it counts."""
         self.other_unit = onset
-        self._begun = onset + ONSET_WINDOWS * (onset > 0)
-        self._bank = HypothesisBank(self._another, self._begun)
-        for window in self.history.since(self._begun):
+        self.begun = onset + ONSET_WINDOWS * (onset > 0)
+        self._bank = HypothesisBank(self._another, self.begun)
+        for window in self.history.since(self.begun):
             self._bank.add(window)
 
-    def of_fault(self, *onsets: int) -> ChangeEvidence:
-        """Evidence on a fault with one of these onsets, from the history."""
-        first = max(self._begun, self.history.taken - len(self.history.windows))
-        windows, h = self.history.since(first), self.hypotheses
-        places = [max(onset - first, 0) for onset in onsets]
-        return ChangeEvidence([FaultEvidence(h, p, windows, first, places) for p in places])
+    def of_fault(self, onsets: tuple[int, ...], limit: float) -> StreamChange:
+        """A fault with one of these onsets, from the history."""
+        evidence = of_change(self.history, self.hypotheses, self.begun, onsets)
+        return StreamChange(onsets, limit, evidence)
+
+
+def of_change(
+    history: StreamHistory, hypotheses: StreamHypotheses, begun: int, onsets: Sequence[int]
+) -> ChangeEvidence:
+    """Evidence on what began with one of these windows; ``begun``: the first that counts."""
+    first = max(begun, history.taken - len(history.windows))
+    windows, places = history.since(first), [max(onset - first, 0) for onset in onsets]
+    return ChangeEvidence([FaultEvidence(hypotheses, p, windows, first, places) for p in places])
 
 
 def _own_onsets(faults: Array, best: float) -> Array:

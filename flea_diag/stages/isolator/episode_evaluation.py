@@ -48,11 +48,9 @@ class EpisodeEvaluation:
         self._p = parameters
         self._stand = stand
 
-    def is_due(self, stamp_ns: int, episode: FaultEpisode) -> bool:
-        """Whether another half second has passed; records that it has."""
-        number = round((stamp_ns - episode.shared.detected_ns) / EVALUATE_EVERY_NS)
-        before, episode.evaluated = episode.evaluated, number
-        return number != before
+    def mark(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """Record that another half second has passed."""
+        episode.evaluated = round((stamp_ns - episode.shared.detected_ns) / EVALUATE_EVERY_NS)
 
     def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> None:
         """Drop contradicted hypotheses; settle after enough scans in motion, or enough time."""

@@ -19,14 +19,11 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from flea_diag.core.choice.fault_group import refine_side
-from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.episode import Episode
-from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.feature_query import FeatureQuery
-from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
-from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.isolator.method import Method
 from flea_diag.stages.merge import Merge
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -64,17 +61,13 @@ class EpisodeLifecycle:
 
     def __init__(
         self,
-        knowledge: Knowledge,
-        parameters: IsolatorParameters,
-        quantitative: QuantitativeIsolation,
+        features: FaultFeatureTable,
+        method: Method,
         merge: Merge,
     ) -> None:
-        self._k = knowledge
-        self._quantitative = quantitative
+        self._features = features
+        self._method = method
         self._merge = merge
-        self._onset_ns = round(parameters.onset_s * 1e9)
-        self._window_ns = round(parameters.feature_window_s * 1e9)
-        self._windows = parameters.feature_windows
         self._opened = 0
         self._detection_number = 0
         self._early: Symbols | None = None
@@ -92,8 +85,9 @@ class EpisodeLifecycle:
             return Change.TAKEN_OVER
         if detection.detected and episode is not None and episode.shared.opened_by_vibration:
             episode.join(detection)
+            self._method.joined(episode)
         if detection.test == ANOTHER_UNIT:
-            self._quantitative.forget()
+            self._method.forget()
             self.close()
             return Change.ANOTHER_UNIT
         if detection.detected or episode is None:
@@ -156,29 +150,13 @@ class EpisodeLifecycle:
 
     def _update_by_alarm(self, stamp_ns: int, episode: FaultEpisode, alarm: VibrationAlarm) -> None:
         """An alarm answers the feature of the same indicator and sensor: it is not requested."""
-        left = refine_side(episode.group(), self._k.features, alarm.feature, alarm.side)
+        left = refine_side(episode.group(), self._features, alarm.feature, alarm.side)
         episode.isolation.update(stamp_ns, alarm.feature, alarm.side, left)
         episode.query.pass_over(alarm.feature)
 
     def _open(self, shared: Episode) -> FaultEpisode:
         self._opened = shared.number
-        self._quantitative.interrupt_baseline()
-        self.current = FaultEpisode(
-            shared,
-            self._k.effects.residuals,
-            Isolation(self._k.faults, self._k.signatures, self._k.symptoms),
-            EpisodeEvidence(
-                self._quantitative.names,
-                self._quantitative.basis,
-                self._quantitative.acting,
-                shared.detected_ns,
-                self._onset_ns,
-                self._k.calibration.parameters,
-                self._k.effects.residuals,
-                self._k.calibration.counts,
-            ),
-            FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
-        )
+        self.current = self._method.begin(shared)
         return self.current
 
     def close(self) -> None:

@@ -28,16 +28,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
-from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.feature_requests import FeatureRequests
+from flea_diag.stages.isolator.method import LikelihoodMethod, MethodOf
 from flea_diag.stages.isolator.motion_history import MotionHistory
 from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
-from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.scan_isolation import ScanIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus, mismatch
-from flea_diag.stages.isolator.verdict_record import VerdictRecord
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.stages.merge import Merge
 from flea_diag.wire.blocks import ResidualBlock
@@ -64,7 +62,7 @@ class IsolatorStage:
     """See the module's first lines.
 
     ``in_process``: the observer's records come as they were caused, those of a scan before the
-    residual of the next one.
+    residual of the next one. ``method`` weighs the hypotheses.
     """
 
     consumes: tuple[type, ...] = (
@@ -80,7 +78,11 @@ class IsolatorStage:
     )
 
     def __init__(
-        self, knowledge: Knowledge, parameters: IsolatorParameters, in_process: bool = False
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        in_process: bool = False,
+        method: MethodOf = LikelihoodMethod,
     ) -> None:
         self._in_process = in_process
         self._before: AmbiguityGroup | None = None
@@ -100,26 +102,17 @@ class IsolatorStage:
             knowledge.effects,
             knowledge.calibration.counts,
         )
-        quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
-        self._episodes = EpisodeLifecycle(knowledge, parameters, quantitative, merge)
+        made = method(knowledge, parameters, stand)
+        self._episodes = EpisodeLifecycle(knowledge.features, made, merge)
         self._output = IsolatorOutput(
             stand,
             motion,
             self._episodes,
             FeatureRequests(knowledge, parameters, merge),
-            VerdictRecord(knowledge, parameters, quantitative.models, quantitative.names),
+            made.verdict(),
         )
-        effects, counts = knowledge.effects, knowledge.calibration.counts
-        jumps = JumpMemory(effects.names, effects.readings, counts)
         scans = ScanIsolation(
-            parameters,
-            quantitative,
-            stand,
-            motion,
-            self._vibration,
-            self._episodes,
-            self._output,
-            jumps,
+            parameters, made, stand, motion, self._vibration, self._episodes, self._output
         )
         self._take: dict[type, Callable[[Any], Records]] = {
             Residual: scans.step,
@@ -200,8 +193,8 @@ class IsolatorStage:
         symbols, episode = self._episodes.early_symbols(record), self._episodes.current
         if symbols is not None:
             return self._symbols(symbols)
-        taken_over = episode is not None and episode.shared.taken_over
-        return self._output.say(self._merge.now_ns) if taken_over else ()
+        known = episode is not None and (episode.shared.taken_over or not episode.awaits_symbols)
+        return self._output.say(self._merge.now_ns) if known else ()
 
     def _goes_on(self, verdict: AmbiguityGroup, opened: Detection) -> bool:
         """Whether the detection opened the episode of a verdict from before the first scan here."""

@@ -30,7 +30,7 @@ from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus, diverged, rested
-from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, Outcome
+from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, ChannelQuality, Outcome
 
 Decision = tuple[Outcome, str]
 """An outcome and its words."""
@@ -91,8 +91,7 @@ class OutcomeRules:
             )
         if early and outcome in NAMING and stand.other_unit is not None:
             alive = episode.isolation.alive()
-            # What parameters of the motor and the screw have changed in is no error of a reading.
-            if all(h.fault.channel for h in alive):
+            if self._is_of_unit(alive):
                 names = " or ".join(h.name for h in alive)
                 return (
                     Outcome.MODEL_MISMATCH,
@@ -100,6 +99,17 @@ class OutcomeRules:
                     f"{REMEDY}",
                 )
         return outcome, words
+
+    def _is_of_unit(self, alive: list[Hypothesis]) -> bool:
+        """Whether what another unit shows from the start is that it is another one.
+
+        What parameters of the motor and the screw have changed in is no error of a reading.
+        """
+        return all(h.fault.channel for h in alive)
+
+    def unit(self, stand: StandStatus) -> ChannelQuality | None:
+        """The row of another unit, where the words of a quiet verdict say it."""
+        return None
 
     def _of_episode(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode) -> Decision:
         alive = episode.isolation.alive()
@@ -111,16 +121,21 @@ class OutcomeRules:
             return Outcome.UNEXPLAINED, f"no fault of the catalogue explains the deviation{what}"
         if not episode.settled or episode.query.is_open(stamp_ns, self._patience_ns):
             return Outcome.DETECTED, f"fault detected, one of: {names}"
-        if self._is_unexplained(episode, alive):
-            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}"
-        if poor := self._misfits(episode, alive):
-            why = ", ".join(f"{m.residual} keeps {m.scatter:.1f} times its healthy scatter (limit "
-                            f"{m.limit:.1f})" for m in poor)  # fmt: skip
-            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}: {why}"
+        if (against := self._contradiction(episode, alive)) is not None:
+            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}{against}"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
         why = self._ambiguity.reason(stand, episode, alive)
         return Outcome.INDISTINGUISHABLE, f"one of {names}: {why}"
+
+    def _contradiction(self, episode: FaultEpisode, alive: list[Hypothesis]) -> str | None:
+        """What speaks against all that are left, if any is known; None where one of them fits."""
+        if self._is_unexplained(episode, alive):
+            return ""
+        poor = self._misfits(episode, alive)
+        why = (f"{m.residual} keeps {m.scatter:.1f} times its healthy scatter (limit {m.limit:.1f})"
+               for m in poor)  # fmt: skip
+        return f": {', '.join(why)}" if poor else None
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
         """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""

@@ -63,7 +63,8 @@ class IsolatorOutput:
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
         conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
-        state = (outcome, number, names, stand.bad, *conditions, unjudged)
+        unit = self._verdict.unit(stand) if episode is None else None
+        state = (outcome, number, names, stand.bad, *conditions, unjudged, unit)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:

@@ -18,14 +18,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flea_diag.core.isolation.missing_jump import JumpMemory
-from flea_diag.stages.isolator.episode_evaluation import EpisodeEvaluation, evaluation_ends
 from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
+from flea_diag.stages.isolator.method import Method
 from flea_diag.stages.isolator.motion_history import MotionHistory
 from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters
-from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.wire.blocks import ResidualBlock, block_of
@@ -38,18 +36,15 @@ class ScanIsolation:
     def __init__(
         self,
         parameters: IsolatorParameters,
-        quantitative: QuantitativeIsolation,
+        method: Method,
         stand: StandStatus,
         motion: MotionHistory,
         vibration: VibrationWatch,
         episodes: EpisodeLifecycle,
         output: IsolatorOutput,
-        jumps: JumpMemory,
     ) -> None:
         self._rest_ns = parameters.rest_s * 1e9
-        self._quantitative = quantitative
-        self._jumps = jumps
-        self._evaluation = EpisodeEvaluation(quantitative, parameters, stand, jumps)
+        self._method = method
         self._stand = stand
         self._motion = motion
         self._vibration = vibration
@@ -61,15 +56,16 @@ class ScanIsolation:
         moving = record.regressors[-1] > 0.5
         self._stand.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
-        self._jumps.add((record.stamp_ns,), (record.regressors,))
         raised = self._listen(record.stamp_ns)
         episode = self._episodes.current
-        if episode is None:
-            self._quantitative.learn_scan(record)
         if episode is None or raised:
+            self._method.pass_by(record, quiet=episode is None)
             return raised or self._output.say(record.stamp_ns)
-        episode.evidence.add(block_of(record))
-        return self._evaluate(record.stamp_ns, episode)
+        looks = self._method.looks(episode, block_of(record))
+        if seen := [self._evaluated(record.stamp_ns, episode) for _ in looks]:
+            return seen[0]
+        looks_out = episode.query.looks_out(record.stamp_ns)
+        return self._output.ask(record.stamp_ns) if looks_out else ()
 
     def follow(self, block: ResidualBlock) -> Records:
         """Records caused by many scans with no other record between them."""
@@ -79,34 +75,20 @@ class ScanIsolation:
         episode = self._episodes.current
         out: list[Record] = []
         if episode is None:
-            self._jumps.add(block.stamps_ns, block.regressors)
-            self._quantitative.learn(block)
+            self._method.learn(block)
             for row in turns:
                 out.extend(self._output.say(int(block.stamps_ns[row])))
             return tuple(out)
         for _ in turns:
             pass  # the outcome of an episode does not depend on it
-        start = 0
-        for end in evaluation_ends(episode, block.stamps_ns):
-            self._take(episode, block.part(slice(start, end)))
-            out.extend(self._evaluate(int(block.stamps_ns[end - 1]), episode))
-            start = end
-        self._take(episode, block.part(slice(start, None)))
+        for row in self._method.looks(episode, block):
+            out.extend(self._evaluated(int(block.stamps_ns[row]), episode))
         return tuple(out)
 
-    def _take(self, episode: FaultEpisode, block: ResidualBlock) -> None:
-        """Add scans, possibly none, to what is known of an episode."""
-        if len(block):
-            self._jumps.add(block.stamps_ns, block.regressors)
-        episode.evidence.add(block)
-
-    def _evaluate(self, stamp_ns: int, episode: FaultEpisode) -> Records:
-        """Evaluate the episode if due; otherwise look for a window for the next feature."""
-        if not self._evaluation.is_due(stamp_ns, episode):
-            return self._output.ask(stamp_ns) if episode.query.looks_out(stamp_ns) else ()
-        if episode.awaits_symbols:
+    def _evaluated(self, stamp_ns: int, episode: FaultEpisode) -> Records:
+        """What the evidence says by now."""
+        if not self._method.evaluate(stamp_ns, episode):
             return ()
-        self._evaluation.evaluate(stamp_ns, episode)
         return self._output.go_on(stamp_ns)
 
     def _listen(self, stamp_ns: int) -> Records:

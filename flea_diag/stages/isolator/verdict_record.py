@@ -39,6 +39,7 @@ from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
     Candidate,
+    ChannelQuality,
     Evidence,
     NextTest,
     Outcome,
@@ -69,6 +70,7 @@ class VerdictRecord:
         parameters: IsolatorParameters,
         models: Sequence[FaultModel],
         quantified: Collection[str],
+        rules: OutcomeRules | None = None,
     ) -> None:
         self._k = knowledge
         self._source = parameters.source
@@ -90,12 +92,16 @@ class VerdictRecord:
         promise = knowledge.calibration.promise
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
-        self._rules = OutcomeRules(knowledge, parameters, self._models, quantified)
+        self._rules = rules or OutcomeRules(knowledge, parameters, self._models, quantified)
         self._advice = Advice(knowledge, parameters, self._models)
 
     def outcome(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:
         """Outcome and its words."""
         return self._rules.decide(stamp_ns, stand, episode)
+
+    def unit(self, stand: StandStatus) -> ChannelQuality | None:
+        """The row of another unit, where a quiet verdict says it."""
+        return self._rules.unit(stand)
 
     def record(
         self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None
@@ -242,7 +248,8 @@ def _another_unit(stand: StandStatus) -> str:
     if stand.unit_ns == NEVER_NS:
         return ""
     since_s = (stand.unit_ns - stand.start_ns) / 1e9
-    return f"; unit exchanged {since_s:.2f} s after the start, sensor offsets relearned"
+    relearned = ", sensor offsets relearned" if stand.offsets else ""
+    return f"; unit exchanged {since_s:.2f} s after the start{relearned}"
 
 
 def _accepted(stand: StandStatus) -> str:
@@ -285,7 +292,7 @@ def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidat
         hypothesis.name,
         hypothesis.fault.deviation,
         hypothesis.probability if not hypothesis.why_dropped else 0.0,
-        hypothesis.why_dropped or "consistent with all evidence so far",
+        hypothesis.why_dropped or hypothesis.why_kept,
         tuple(
             Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
             for c in hypothesis.checks

@@ -62,10 +62,11 @@ class ObserverStage:
         effects: EffectSet,
         parameters: ObserverParameters,
         nominal: NominalRanges | None = None,
+        chain: ObserverChain | None = None,
     ) -> None:
         self._nominal = nominal
         self._deaf: tuple[ChannelQuality, ...] = ()
-        self._chain = ObserverChain(calibration, effects, parameters)
+        self._chain = chain or ObserverChain(calibration, effects, parameters)
         self._replay = BlockReplay()
         self._records = ResidualRecords(
             effects.residuals, calibration, self._chain.stream.regressor_names
@@ -141,13 +142,11 @@ class ObserverStage:
             return self._go_over(block, scan.stamp_ns)
         learns, was_open = chain.stream.learns, chain.episode.is_open
         changed, output = chain.examine(block, reading)
-        found = chain.episode.step(scan.stamp_ns, output.results)
-        if chain.stream.conditions.begins is not None:
-            found += chain.episode.take_back(scan.stamp_ns, chain.stream.conditions.begins)
+        found = chain.detect(block, output)
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns
-        told = learned or chain.stream.told
+        told = learned or chain.told
         is_due = changed == 0 or told or chain.order.is_due(scan.stamp_ns)
         quality = (self._quality(scan.stamp_ns),) if is_due else ()
         return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
@@ -177,7 +176,7 @@ class ObserverStage:
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
         channels = chain.channels.states(chain.stream.stuck)
-        rows = (stream, *channels, *self._deaf, *chain.stream.states())
+        rows = (stream, *channels, *self._deaf, *chain.states())
         return DataQuality(stamp_ns, rows, chain.stream.offsets, chain.stream.ledger.report())
 
     def _unheard(self, table: ChannelTable) -> tuple[ChannelQuality, ...]:

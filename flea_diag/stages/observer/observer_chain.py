@@ -22,6 +22,7 @@ Order of the stream (``stream_order``), usable readings (``channels``), change o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,10 +34,11 @@ from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.regressor_table import Answer
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
+from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTests
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.stream.stream_order import StreamOrder
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import ChannelTable
+from flea_diag.wire.records import ChannelQuality, ChannelTable, Record
 
 
 class ObserverChain:
@@ -53,9 +55,13 @@ class ObserverChain:
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
         rows = effects.residuals
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
-        self.episode = DetectionEpisode(rows, parameters.rearm_after_s)
+        self.episode = self._detection()
         self._unit = UnitChange()
         self._renew()
+
+    def _detection(self) -> Any:
+        """What detects: takes residuals, and keeps the open episode."""
+        return DetectionEpisode(self._effects.residuals, self._parameters.rearm_after_s)
 
     def begin(self, stamp_ns: int, table: ChannelTable | None) -> None:
         """Start a new stream; only counters of the stream order are kept."""
@@ -76,10 +82,17 @@ class ObserverChain:
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
         )
         self.stream = ResidualStream(
-            c, self._effects, estimate, p.warm_up_s, p.observer_backend, self._answers
-        )
+            c, self._effects, estimate, p.warm_up_s, p.observer_backend, self._answers,
+            self._tests(estimate.runs),
+        )  # fmt: skip
         self.episode.forget()
         self._unit.forget()
+
+    def _tests(self, estimates: bool) -> ResidualTests | SensorTests:
+        """Tests of the residuals of one stream."""
+        p = self._parameters
+        relations = self._effects.relations
+        return ResidualTests(relations, self._calibration, estimates, p.observer_backend)
 
     def take_ranges(self, table: ChannelTable) -> None:
         """Use the ranges of a channel table."""
@@ -95,10 +108,32 @@ class ObserverChain:
         self.order.follow(block.stamps_ns)
         reading = self.channels.read(block)
         changed, output = self.examine(block, reading)
-        happens = self.episode.follow(block.stamps_ns, output.results)
+        happens = self.happens(block, output)
         other = self.other_unit(reading)
         first = min(changed, output.voltage.lost_at, output.turn, happens, other)
         return first, output
+
+    def happens(self, block: ScanBlock, output: StreamOutput) -> int:
+        """The first scan with which the detection causes a record, or n."""
+        first: int = self.episode.follow(block.stamps_ns, output.results)
+        return first
+
+    def detect(self, block: ScanBlock, output: StreamOutput) -> tuple[Record, ...]:
+        """Records of the detection that one scan causes."""
+        (stamp_ns,) = block.stamps_ns.tolist()
+        found: tuple[Record, ...] = self.episode.step(stamp_ns, output.results)
+        if self.stream.conditions.begins is not None:
+            found += self.episode.take_back(stamp_ns, self.stream.conditions.begins)
+        return found
+
+    @property
+    def told(self) -> bool:
+        """Whether the last scan has changed what is reported beside channels."""
+        return self.stream.told
+
+    def states(self) -> tuple[ChannelQuality, ...]:
+        """Rows of DataQuality beside those of channels."""
+        return self.stream.states()
 
     def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan at which another unit is in use, or n."""

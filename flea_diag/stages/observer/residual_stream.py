@@ -37,7 +37,7 @@ from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.mode_watch import ModeWatch
 from flea_diag.stages.observer.regressor_table import Answer, RegressorTable
-from flea_diag.stages.observer.residual_tests import ResidualTests
+from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
@@ -86,7 +86,8 @@ class ResidualStream:
         estimate: StateEstimate,
         warm_up_s: float,
         backend: str,
-        answers: Sequence[Answer] | None = None,
+        answers: Sequence[Answer] | None,
+        tests: ResidualTests | SensorTests,
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns
@@ -121,7 +122,7 @@ class ResidualStream:
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s)
         self._regressors = RegressorTable(effects, c.parameters, answers)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)
-        self._tests = ResidualTests(relations, c, estimate.runs, backend)
+        self._tests = tests
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._unit: tuple[ChannelQuality, ...] = ()

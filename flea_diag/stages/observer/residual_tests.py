@@ -121,6 +121,42 @@ class ResidualTests:
         self._z_tests.forget(self._innovations)
 
 
+class SensorTests:
+    """Tests of single sensors; what the relations say is judged by another.
+
+    A residual that has a value counts as judged.
+    """
+
+    def __init__(self, relations: RelationSet) -> None:
+        self._known = relations.residuals
+
+    def step(
+        self,
+        residuals: ResidualRows,
+        sensors: tuple[Array, Array],
+        alone: Flags | None,
+        place: OperatingPlace,
+    ) -> TestResults:
+        """See ``ResidualTests.step``."""
+        results = TestResults(len(self._known.rows), len(residuals))
+        results.z[:] = np.where(np.isnan(residuals.values), np.nan, 0.0)
+        columns = self._known.sensor_columns
+        results.z[:, columns], results.k[:, columns] = sensors
+        return results
+
+    def forget(self, columns: list[int]) -> None:
+        """There are no windows."""
+
+    def disable_thermal(self) -> None:
+        """No thermal residual is tested."""
+
+    def turn(self, opened: bool) -> None:
+        """Nothing is armed."""
+
+    def adopt(self, offsets: Offsets) -> None:
+        """Nothing rests on offsets."""
+
+
 def _between(calibration: Calibration) -> dict[str, float]:
     """Variance of a residual between recordings.
 

@@ -147,9 +147,11 @@ def _likelihood_ratio(setting: Setting) -> Stage:
 
 
 def _evidence(setting: Setting) -> Stage:
+    from flea_diag.configuration.component import evidence_pipeline
     from flea_diag.tools.evaluate.evidence import evidence_stand
 
-    return WithoutVibration(evidence_stand(setting.stand, setting.nominal).stage())
+    known = evidence_stand(setting.stand, setting.nominal)
+    return evidence_pipeline(known, setting.stand)
 
 
 def _classifier(setting: Setting) -> Stage:

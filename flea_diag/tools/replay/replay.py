@@ -129,13 +129,9 @@ def _all_replayed(bags: Bags, stand: Stand, arguments: argparse.Namespace) -> li
 
 
 def _pipeline(stand: Stand, by: str) -> Pipeline:
-    if by == EVIDENCE:
-        from flea_diag.configuration.evidence import evidence_of
-
-        return evidence_of(stand).stage()
     from flea_diag.configuration.component import make_pipeline
 
-    return make_pipeline(stand)
+    return make_pipeline(stand, configuration=by)
 
 
 def _replayed(

@@ -27,11 +27,13 @@ from flea_diag.core.run_law.run_windows import (
     BY_PLACE,
     CURRENT_WAY,
     FORMED,
+    HEATING_S,
     MOTIONS,
     RunWindows,
     WindowMotion,
     along,
     left_out,
+    losses,
 )
 
 
@@ -147,16 +149,29 @@ def test_places_along_the_stroke_are_told_by_the_healthy_travel():
 def test_over_the_travel_what_changes_along_it_looks_like_no_load_and_no_way():
     place, load = np.linspace(-1.0, 1.0, 2001), np.full(2001, 300.0)
     none, way = 0.0 * place, np.ones(2001)
-    columns = left_out(none, none, load, way, place)[:, FORMED.index(BY_PLACE[0]) :]
+    columns = left_out(none, none, none, load, way, place)[:, FORMED.index(BY_PLACE[0]) :]
     assert columns.shape == (2001, 6)
     assert np.abs(columns.mean(axis=0) / np.abs(columns).max(axis=0)).max() < 1e-3
 
 
 def test_a_bridge_loses_its_voltage_by_the_way_of_the_current():
     current, none = np.array([-2.0, 0.0, 0.1]), np.zeros(3)
-    columns = left_out(current, none, none, none, none)
+    columns = left_out(current, none, none, none, none, none)
     assert columns.shape == (3, len(FORMED))
     assert columns[:, FORMED.index(CURRENT_WAY)].tolist() == [-1.0, 0.0, 1.0]
+
+
+def test_losses_warm_a_winding_and_fade_whatever_the_blocks():
+    current = np.concatenate((np.full(3000, 2.0), np.zeros(6000)))
+    whole = losses(current, 0.0, 0.01)
+    first = losses(current[:1234], 0.0, 0.01)
+    later = losses(current[1234:], float(first[-1]), 0.01)
+    assert np.array_equal(whole, np.concatenate((first, later)))
+    assert whole[2999] == pytest.approx(
+        4.0 * HEATING_S * (1.0 - math.exp(-30.0 / HEATING_S)), rel=1e-3
+    )
+    assert whole[-1] == pytest.approx(whole[2999] * math.exp(-60.0 / HEATING_S), rel=1e-3)
+    assert np.array_equal(losses(np.array([math.nan, 1.0]), 0.0, 0.01), [0.0, 0.01])
 
 
 def test_how_a_machine_moves_is_told_from_window_to_window():

@@ -25,8 +25,9 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
+from flea_diag.stages.isolator.method import LikelihoodMethod
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
-from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.merge import Merge
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -50,9 +51,10 @@ def knowledge() -> Knowledge:
 
 
 def lifecycle() -> EpisodeLifecycle:
-    quantitative = QuantitativeIsolation(knowledge().calibration, knowledge().effects)
-    merge = Merge(Residual, S // 5, 2 * S)
-    return EpisodeLifecycle(knowledge(), IsolatorParameters(), quantitative, merge)
+    known, merge = knowledge(), Merge(Residual, S // 5, 2 * S)
+    stand = StandStatus(known.calibration.counts, known.effects.residuals)
+    method = LikelihoodMethod(known, IsolatorParameters(), stand)
+    return EpisodeLifecycle(known.features, method, merge)
 
 
 def opened(number: int, test: str = "mean of 50 samples") -> Detection:
