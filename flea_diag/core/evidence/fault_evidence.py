@@ -46,7 +46,6 @@ from flea_diag.core.likelihood_ratio.marginal_ratio import (
     posterior,
     posterior_mean,
 )
-from flea_diag.core.run_law.law_noise import BOUND
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals
 
@@ -146,8 +145,7 @@ class FaultEvidence:
         self.errors = np.full(relations, np.nan)
         """Standardised errors of the last window under no fault, shape (relations,)."""
         self._seen = np.zeros((2, relations))
-        self.ended = 0.0
-        """Evidence that the fault has ended, over that it lasts, since some window, nats."""
+        self._now = self._most = 0.0
         for window in windows:
             self.add(window)
 
@@ -171,9 +169,7 @@ class FaultEvidence:
         # From the start of a stream nothing says yet how far a reading may be off.
         exact = exact_share(white.deviations if self._onset else white.errors)
         own, phi = own * exact, phi * exact[..., None]
-        errors, without = self._errors(own, phi)
-        self.ended = max(self.ended + float(distance(errors).sum() - distance(without).sum()), 0.0)
-        self._take(own, phi, weight_of(errors))
+        self._take(own, phi, weight_of(self._errors(own, phi)))
 
     def _take_quiet(self, white: WhiteWindow) -> None:
         """Add the products of one window before the onset, and how loud it is."""
@@ -191,13 +187,13 @@ class FaultEvidence:
         self._gram += phi[..., :, None] * phi[..., None, :]
         self._cross += phi[..., None] * own[:, None, None, :]
 
-    def _errors(self, own: Array, phi: Array) -> tuple[Array, Array]:
-        """Errors of prediction by the best model so far, with another unit, and without the fault.
-
-        Each of shape (relations,).
-        """
+    def _errors(self, own: Array, phi: Array) -> Array:
+        """Errors of prediction by the best model so far, with another unit, (relations,)."""
         sums, prior = self._sums(np.ones(len(own)), self._own.shape[-1]), self._h.signatures.prior
-        best = int(marginal_ratio(sums, prior).argmax())
+        ratios = marginal_ratio(sums, prior)
+        best = int(ratios.argmax())
+        self._now = float(ratios[best])
+        self._most = max(self._most, self._now)
         sigma, cross = np.maximum(prior.sigma[best], 1e-12), sums.cross[best]
         A = np.block([
             [sums.gram[best] + np.diag(sigma**-2), cross[:, 1:]],
@@ -206,13 +202,20 @@ class FaultEvidence:
         b = np.concatenate((cross[:, 0] + prior.mean[best] / sigma**2, sums.own[1:, 0]))
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
         rows, mean = np.column_stack((own[:, 0], phi[:, best], own[:, 1:])), covariance @ b
-        errors = standardised(rows, mean, covariance)
-        return errors, errors + phi[:, best] @ mean[: phi.shape[-1]]
+        return standardised(rows, mean, covariance)
 
     @property
     def shown(self) -> tuple[Array, Array, Array]:
         """Windows since the onset, sum and sum of squares of their errors; each (relations,)."""
         return self._count, self._seen[0], self._seen[1]
+
+    @property
+    def ended(self) -> float:
+        """Evidence that the fault ended with the window by which most spoke for it, nats.
+
+        Over that it lasts: what explained the windows by then fits those since worse than nothing.
+        """
+        return self._most - self._now
 
     @property
     def windows(self) -> float:
@@ -280,12 +283,6 @@ def smoothed(onsets: Iterable[int]) -> frozenset[int]:
     """Numbers of the windows about onsets that hold a part of a fault, smoothed."""
     about = range(-1, ONSET_WINDOWS)
     return frozenset(onset + k for onset in onsets if onset > 0 for k in about)
-
-
-def distance(errors: Array) -> Array:
-    """Half the square of each error, nats; what is far out counts by its distance alone."""
-    size = np.abs(errors)
-    return np.where(size < BOUND, 0.5 * np.square(size), BOUND * (size - 0.5 * BOUND))
 
 
 def other_unit(own: Array, alone: int) -> float:

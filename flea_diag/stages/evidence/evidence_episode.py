@@ -28,8 +28,8 @@ from flea_diag.stages.evidence.evidence_group import EvidenceGroup
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.wire.records import Symbols
 
-NOT_SHOWN = "what defines it has not shown"
-"""Of a fault that the tests of single sensors exclude for now."""
+NOT_SHOWN = "nothing that would define it has shown"
+"""Of a fault that acts on no relation, or that the tests of single sensors exclude for now."""
 
 
 @dataclass

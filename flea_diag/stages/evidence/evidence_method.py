@@ -40,8 +40,6 @@ from flea_diag.stages.isolator.verdict_record import VerdictRecord
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
-NO_EFFECT = "acts on no relation"
-
 
 class EvidenceMethod:
     """Weighs every fault by the law of healthy recordings, at each window of an episode."""
@@ -80,12 +78,8 @@ class EvidenceMethod:
             change=of_change(self._history, hypotheses, begun, list(dict.fromkeys(onsets))),
             limit=self._e.limits.before if 0 in onsets else self._e.limits.onset,
         )
-        if not shared.opened_by_vibration:
-            known = {*self._e.faults, *self._sensors.faults}
-            for name in episode.isolation.hypotheses.keys() - known:
-                episode.isolation.hypotheses[name].why_dropped = NO_EFFECT
-            if not shared.taken_over:
-                self.evaluate(shared.detected_ns, episode)
+        if not (shared.opened_by_vibration or shared.taken_over):
+            self.evaluate(shared.detected_ns, episode)
         return episode
 
     def joined(self, episode: FaultEpisode) -> None:

@@ -193,8 +193,9 @@ class IsolatorStage:
         symbols, episode = self._episodes.early_symbols(record), self._episodes.current
         if symbols is not None:
             return self._symbols(symbols)
-        known = episode is not None and (episode.shared.taken_over or not episode.awaits_symbols)
-        return self._output.say(self._merge.now_ns) if known else ()
+        if episode is None or (episode.awaits_symbols and not episode.shared.taken_over):
+            return ()
+        return self._output.say(self._merge.now_ns if episode.awaits_symbols else record.stamp_ns)
 
     def _goes_on(self, verdict: AmbiguityGroup, opened: Detection) -> bool:
         """Whether the detection opened the episode of a verdict from before the first scan here."""

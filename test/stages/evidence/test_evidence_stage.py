@@ -30,16 +30,20 @@ from flea_diag.configuration.component import evidence_pipeline
 from flea_diag.configuration.evidence import EvidenceStand, with_law
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import learn
-from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import (
+    TAKEN_OVER,
     AmbiguityGroup,
     ChannelInfo,
     ChannelTable,
     Detection,
     Outcome,
     Record,
+    Residual,
+    Symbols,
 )
 
 pytestmark = pytest.mark.slow
@@ -149,3 +153,87 @@ def test_another_healthy_unit_is_said_and_is_no_fault() -> None:
 def test_blocks_and_single_scans_give_the_same_verdicts(together: int) -> None:
     columns = running(coulomb=150.0)
     assert records(columns, together) == records(columns)
+
+
+def said_by(stage: Pipeline, columns: ema.Columns, first: int = 0) -> list[Record]:
+    """All that is said of the scans of a run, the first of them at a stamp of its number."""
+    channels = diagnosis().calibration.channels
+    rows = np.column_stack([columns[name] for name in channels])
+    stamps = PERIOD_NS * (1 + first + np.arange(len(rows)))
+    said: list[Record] = []
+    for record in stage.handle_block(ScanBlock(stamps, channels, rows)):
+        said += record.records() if isinstance(record, ResidualBlock) else [record]
+    return said
+
+
+def begun(**parameters: float) -> Pipeline:
+    """A diagnoser that has its channel table."""
+    stage = evidence_pipeline(diagnosis(), STAND, **parameters)
+    infos = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in diagnosis().calibration.channels)
+    stage.handle(ChannelTable(1, "flea", tuple(infos)))
+    return stage
+
+
+@cache
+def passing() -> ema.Columns:
+    """A load cell that is off from 9 s to 24 s of 80 s."""
+    motion, mean = ema.MOTIONS[5]
+    columns = ema.noisy(
+        ema.run(ema.HEALTHY, 80.0, motion, lambda t: mean + 40.0 * math.sin(1.3 * t)), 91
+    )
+    wrong = columns["load_force"].copy()
+    wrong[900:2400] += 80.0
+    return {**columns, "load_force": wrong}
+
+
+def test_an_episode_that_is_over_is_closed_and_does_not_open_again() -> None:
+    said = said_by(begun(rearm_after_s=10.0), passing())
+    flags = [record for record in said if isinstance(record, Detection)]
+    assert [flag.detected for flag in flags] == [True, False]
+    assert flags[1].test == "quiet"
+    assert 24.0 + 10.0 <= flags[1].stamp_ns / 1e9 < 24.0 + 20.0
+    last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
+    assert last.outcome is Outcome.NOMINAL
+
+
+def test_without_a_time_to_rearm_only_a_reset_ends_an_episode() -> None:
+    stage = begun(rearm_after_s=0.0)
+    first = {name: values[:6000] for name, values in passing().items()}
+    said = said_by(stage, first)
+    assert [record.detected for record in said if isinstance(record, Detection)] == [True]
+    ended = [record for record in stage.reset() if isinstance(record, Detection | AmbiguityGroup)]
+    assert [type(record) for record in ended] == [Detection, AmbiguityGroup]
+    healthy = {name: values[6000:] for name, values in passing().items()}
+    after = said_by(stage, healthy, 6000)
+    assert not any(isinstance(record, Detection) for record in after)
+
+
+def test_residuals_carry_the_errors_of_the_law_and_signs_their_episode() -> None:
+    said = said_by(begun(), running(coulomb=150.0))
+    residuals = [record for record in said if isinstance(record, Residual)]
+    place = residuals[0].names.index("parity_mechanical")
+    z = np.array([record.z[place] for record in residuals])
+    quiet, dragged = z[200:900], z[1100:]
+    assert 0.3 < np.nanstd(quiet) < 2.0
+    assert np.nanmax(np.abs(dragged)) > residuals[-1].thresholds[place] > 3.0
+    assert np.array_equal(z[1000:1019], np.repeat(z[1000], 19), equal_nan=True)
+    signs = [record for record in said if isinstance(record, Symbols)]
+    assert signs[0].episode == 1
+    assert "parity_mechanical" in {symbol.residual for symbol in signs[-1].symbols}
+
+
+def test_an_observer_that_comes_back_goes_on_with_the_open_episode() -> None:
+    stage = begun()
+    verdict = [r for r in said_by(stage, running(coulomb=150.0)) if isinstance(r, AmbiguityGroup)]
+    again = evidence_pipeline(diagnosis(), STAND)
+    infos = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in diagnosis().calibration.channels)
+    again.handle(ChannelTable(1, "flea", tuple(infos)))
+    again.handle(verdict[-1])
+    late = {name: values[1200:] for name, values in running(coulomb=150.0).items()}
+    said = said_by(again, late, 2400)
+    flags = [record for record in said if isinstance(record, Detection)]
+    assert [(flag.episode, flag.test) for flag in flags] == [(1, TAKEN_OVER)]
+    dropped = {each.fault for each in verdict[-1].dropped}
+    last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
+    assert last.episode == 1
+    assert not dropped & {member.fault for member in last.members}
