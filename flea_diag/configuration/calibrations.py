@@ -32,6 +32,7 @@ from flea_diag.configuration.stand import Stand, load_stand, shipped_stands
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.residuals.parameters import actuator_parameters
+from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 
 
@@ -77,6 +78,23 @@ def learned(stand: Stand) -> Calibration:
     calibration = load_calibration(stand.calibration)
     require_description(calibration, stand)
     return _completed(calibration, stand)
+
+
+def law_of(stand: Stand) -> RunLaw:
+    """Law of healthy recordings in the calibration of a stand.
+
+    Raises
+    ------
+    ConfigurationError
+        The calibration holds none.
+    """
+    law = learned(stand).law
+    if law is None:
+        raise ConfigurationError(
+            f"{stand.calibration} holds no law of healthy recordings: make it again by "
+            "`flea calibrate`, or name nominal bags under `learn_from` in a campaign"
+        )
+    return law
 
 
 def _completed(calibration: Calibration, stand: Stand) -> Calibration:

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, fields, make_dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from flea_diag.configuration.calibrations import calibration_sha256, learned
+from flea_diag.configuration.calibrations import calibration_sha256, law_of, learned
 from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
 from flea_diag.configuration.stand_parameters import StandParameters, stand_of
@@ -153,6 +153,8 @@ class Component(Generic[P]):
         stand = stand_of(parameters)
         effects(stand, learned(stand))
         load_features(stand.features)
+        if getattr(parameters, "configuration", HYBRID) == EVIDENCE:
+            law_of(stand)
 
     def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
         """Run scans and features through a throw-away stage, to compile and load its code.

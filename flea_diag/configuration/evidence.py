@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.calibrations import law_of, learned
 from flea_diag.configuration.description import described
 from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
@@ -36,7 +36,6 @@ from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names, speed_signal
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.core.vibration.nominal_range import NominalRanges
-from flea_diag.errors import ConfigurationError
 from flea_diag.stages.evidence.evidence_chain import EvidenceChain
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
 from flea_diag.stages.evidence.evidence_method import EvidenceMethod
@@ -143,18 +142,11 @@ def _motions(rows: ResidualSet, parameters: ActuatorParameters) -> dict[str, Cha
 
 
 def evidence_of(stand: Stand, law: RunLaw | None = None) -> EvidenceStand:
-    """The diagnosis of a stand by the law of its calibration, or by another one.
+    """The diagnosis of a stand by a law, or by that of its calibration.
 
     Raises
     ------
     ConfigurationError
         The calibration has no law, and none is given.
     """
-    calibration = learned(stand)
-    law = calibration.law or law
-    if law is None:
-        raise ConfigurationError(
-            f"{stand.calibration} holds no law of healthy recordings: make it again by "
-            "`flea calibrate`, or name nominal bags under `learn_from` in a campaign"
-        )
-    return with_law(stand, calibration, law)
+    return with_law(stand, learned(stand), law or law_of(stand))

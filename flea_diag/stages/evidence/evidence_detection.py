@@ -116,7 +116,7 @@ class EvidenceDetection:
         self._stamps = WindowStamps()
         self._errors = np.full(len(self._k.relations), np.nan)
         self._rows: list[tuple[int, Array]] = []
-        self.unit_ns, self.unit_turned = NEVER_NS, False
+        self.unit_ns, self.unit_turned, self._first_ns = NEVER_NS, False, NEVER_NS
         self._begin_quiet()
 
     def _begin_quiet(self) -> None:
@@ -149,6 +149,7 @@ class EvidenceDetection:
         What comes after that scan has not been taken.
         """
         self._rows, self.unit_turned = [(0, self._errors)], False
+        self._first_ns = int(block.stamps_ns[0]) if self._first_ns == NEVER_NS else self._first_ns
         begun = 0
         for number, window in self._columns.add(block):
             alarmed, caused = self._listen(block, slice(begun, number + 1))
@@ -176,8 +177,7 @@ class EvidenceDetection:
     def _listen(self, block: ResidualBlock, scans: slice) -> tuple[int, Records]:
         """Tests of single sensors are judged at every scan; the first that alarms."""
         first = self._sensors.take(block, scans)
-        if self._sensors.loud_ns > self._loud_ns:
-            self._loud_ns = self._sensors.loud_ns
+        self._loud_ns = max(self._loud_ns, self._sensors.loud_ns)
         if first == len(block) or self.is_open:
             return len(block), ()
         onset = max(self._stream.history.taken - ONSET_WINDOWS, 0)
@@ -269,4 +269,5 @@ class EvidenceDetection:
 
     def _exchanged(self) -> None:
         """Another unit is in use."""
-        self.unit_ns, self.unit_turned = self._stamps.before(self._stream.begun), True
+        since_ns = max(self._stamps.before(self._stream.begun), self._first_ns)
+        self.unit_ns, self.unit_turned = since_ns, True

@@ -86,7 +86,9 @@ class EvidenceMethod:
         """Its evidence is that of all windows since the alarm."""
 
     def forget(self) -> None:
-        """Another unit is in use: what the observer says of it counts from its onset."""
+        """Another unit is in use: from an onset that the observer says, or with the next scan."""
+        if self._stand.other_unit is None:
+            self._renew()
         self._exchanged = True
 
     def verdict(self) -> VerdictRecord:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,9 @@ from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_json
 from flea_diag.tools.workers import KeptPool
 
 if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
     from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.tools.calibrate.nominal_recording import NominalRecording
     from flea_diag.tools.calibrate.procedure import CalibrationResult
 
 NAME = "calibrate"
@@ -51,6 +54,7 @@ examples:
   flea calibrate bags/nominal_* --stand ./mine -o mine/calibration.yaml
   flea calibrate runs/*.csv --stand ./mine -o mine/calibration.yaml     raw, without an import
   flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
+  flea calibrate bags/nominal_* -o calibration.yaml --law-only    an older calibration
 """
 
 
@@ -90,19 +94,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--actuator", metavar="FILE", help="actuator description (default: that of the stand)"
     )
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
+    parser.add_argument(
+        "--law-only",
+        action="store_true",
+        help="learn the law of healthy recordings alone, into FILE: its parameters and limits stay",
+    )
     add_json(parser, "the calibration")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the bags, calibrate, write the file and print the report."""
-    if not arguments.false_alarms > 0.0:
-        raise ConfigurationError(
-            f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
-        )
-    if arguments.output.exists() and not arguments.force:
-        raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
-    if arguments.plots is not None:
-        require("plot", "--plots")
+    _check(arguments)
     from numpy.linalg import LinAlgError
 
     from flea_diag.configuration.description import compiled_relations
@@ -120,6 +122,8 @@ def run(arguments: argparse.Namespace) -> int:
         for words in (*check_modes(recordings, known), *lag_words(recordings, known)):
             warn(words)
         try:
+            if arguments.law_only:
+                return _only_law(arguments.output, used, recordings, sharing)
             found = learn(
                 recordings, used.actuator, arguments.false_alarms, sharing, faults=used.faults
             )
@@ -151,6 +155,45 @@ def run(arguments: argparse.Namespace) -> int:
     if refused:
         warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse options that cannot be."""
+    if not arguments.false_alarms > 0.0:
+        raise ConfigurationError(
+            f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
+        )
+    if arguments.law_only and not arguments.output.exists():
+        raise ConfigurationError(
+            f"--law-only: {arguments.output} does not exist: give the calibration that lacks a "
+            "law, or calibrate without --law-only"
+        )
+    if arguments.output.exists() and not (arguments.force or arguments.law_only):
+        raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
+    if arguments.plots is not None:
+        require("plot", "--plots")
+
+
+def _only_law(
+    path: Path, stand: Stand, recordings: list[NominalRecording], sharing: Sharing
+) -> int:
+    """Learn the law into a calibration of this stand."""
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.description import described
+    from flea_diag.tools.calibrate.law import LawOfRecordings
+    from flea_diag.tools.calibrate.recording_checks import check_recordings
+
+    check_recordings(recordings, described(stand.actuator), stand.actuator)
+    calibration = learned(replace(stand, calibration=path))
+    law = LawOfRecordings.of(calibration, stand.actuator, stand.faults, recordings, sharing)
+    for name, reason in law.unlike.items():
+        warn(f"{name}: unlike the others, so the law is learned without it: {reason}")
+    for words in law.noisy:
+        warn(words)
+    seeing = law.seeing(calibration, recordings, sharing)
+    write_calibration(path, replace(calibration, law=seeing))
+    say(f"{path}: law of {len(recordings) - len(law.unlike)} recordings")
+    return IN_PART if law.unlike else 0
 
 
 def _draw(found: CalibrationResult, folder: Path, kind: str) -> None:

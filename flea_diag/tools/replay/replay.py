@@ -56,7 +56,7 @@ examples:
 
 
 PRODUCT, EVIDENCE = "hybrid", "evidence"
-"""Configurations, as in a campaign."""
+"""Configurations, as ``configuration.component`` has them, which is slow to import."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

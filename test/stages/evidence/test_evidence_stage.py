@@ -30,6 +30,8 @@ from flea_diag.configuration.component import evidence_pipeline
 from flea_diag.configuration.evidence import EvidenceStand, with_law
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.stages.isolator.parameters import IsolatorParameters
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import learn
@@ -40,9 +42,12 @@ from flea_diag.wire.records import (
     ChannelInfo,
     ChannelTable,
     Detection,
+    FeatureRequest,
+    FeatureValue,
     Outcome,
     Record,
     Residual,
+    Scan,
     Symbols,
 )
 
@@ -237,3 +242,68 @@ def test_an_observer_that_comes_back_goes_on_with_the_open_episode() -> None:
     last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
     assert last.episode == 1
     assert not dropped & {member.fault for member in last.members}
+
+
+AXES = ("accelerometer_1_x", "accelerometer_2_x")
+
+
+def answered(symbol_of: Callable[[str], str], coulomb: float = 150.0) -> list[Record]:
+    """What is said of a drag on a stand with accelerometers, whose features have these symbols."""
+    stand, channels = diagnosis(), diagnosis().calibration.channels
+    stage = Pipeline((
+        stand.observer(ObserverParameters()),
+        stand.isolator(IsolatorParameters(), in_process=True),
+    ))  # fmt: skip
+    infos = [ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in (*channels, *AXES)]
+    rows = np.column_stack([running(coulomb=coulomb)[name] for name in channels])
+    waiting: list[Record] = [ChannelTable(1, "flea", tuple(infos))]
+    waiting += [
+        Scan(PERIOD_NS * (1 + k), channels, tuple(row)) for k, row in enumerate(rows.tolist())
+    ]
+    out: list[Record] = []
+    while waiting:
+        said = list(stage.handle(waiting.pop(0)))
+        out += said
+        waiting[:0] = [
+            answer(r, symbol_of(r.feature)) for r in said if isinstance(r, FeatureRequest)
+        ]
+    return [*out, *stage.finish()]
+
+
+def answer(request: FeatureRequest, symbol: str) -> FeatureValue:
+    """With a symbol, to a request."""
+    window = request.window_start_ns, request.window_end_ns
+    stamp_ns = request.stamp_ns + 150_000_000
+    what = stamp_ns, request.episode, request.step, request.feature, *window
+    return FeatureValue(*what, 1.0, "1", symbol, 0.0, 1.0, "", 0.1)
+
+
+def typical_of(fault: str) -> Callable[[str], str]:
+    """The symbol that a feature most likely has of a fault."""
+    table = diagnosis().told.features
+
+    def symbol(feature: str) -> str:
+        shares = table.probabilities(fault, feature)
+        return table.alphabet[int(np.argmax(shares))]
+
+    return symbol
+
+
+@pytest.mark.parametrize("fault", ["jam", "ball_nut_friction"])
+def test_features_part_what_the_relations_cannot(fault: str) -> None:
+    said = answered(typical_of(fault))
+    requests = [record for record in said if isinstance(record, FeatureRequest)]
+    detected = next(record for record in said if isinstance(record, Detection))
+    assert requests[0].stamp_ns - detected.stamp_ns >= 1_000_000_000
+    last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
+    assert last.outcome is Outcome.ISOLATED
+    assert [member.fault for member in last.members] == [fault]
+    assert last.features_computed
+    assert math.isfinite(last.members[0].size)
+
+
+def test_where_no_feature_can_be_computed_the_group_stays() -> None:
+    last = [
+        record for record in answered(lambda feature: "?") if isinstance(record, AmbiguityGroup)
+    ][-1]
+    assert {member.fault for member in last.members} == {"jam", "ball_nut_friction"}

@@ -39,6 +39,7 @@ from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report
+from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.main import main
@@ -337,3 +338,13 @@ def test_a_serial_number_that_changes_within_a_bag_is_none(tmp_path, capsys):
     (recording,), refused = read_nominal([tmp_path / "switched"], FLEA)
     assert (recording.serial, refused) == ("", [])
     assert "the serial number changes from 'A' to 'B'" in capsys.readouterr().err
+
+
+def test_a_law_alone_is_learned_into_an_older_calibration(made, bags, tmp_path, capsys):
+    known, older = load_calibration(made), tmp_path / "older.yaml"
+    write_calibration(older, replace(known, law=None))
+    arguments = ["calibrate", *map(str, bags), "--law-only", "-o"]
+    assert main([*arguments, str(tmp_path / "missing.yaml")]) == 2
+    assert "does not exist" in capsys.readouterr().err
+    assert main([*arguments, str(older)]) == 0
+    assert load_calibration(older).to_mapping() == known.to_mapping()
