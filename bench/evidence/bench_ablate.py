@@ -61,6 +61,8 @@ from flea_diag.tools.campaign.recording_set import RecordingSet
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.evaluate.case_run import diagnose, records, scored
 from flea_diag.tools.evaluate.evidence import evidence_stand
+from flea_diag.tools.refused import Refused
+from flea_diag.tools.workers import in_order
 
 EVIDENCE = "evidence"
 ENOUGH = 200
@@ -173,8 +175,9 @@ def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
         yield case, dict(campaign.expect)
 
 
-def judged(case: Case, expect: Any) -> dict[str, RunResult]:
+def judged(run: tuple[Case, Any]) -> dict[str, RunResult]:
     """One run by the whole, under an empty name, and without each mechanism."""
+    case, expect = run
     stand = load_stand(case.stand, calibration=case.calibration)
     known = evidence_by(stand, tuple(Path(bag) for bag in case.learned_from))
     results = {}
@@ -210,13 +213,16 @@ def main() -> None:
         "--campaign", type=Path, action="append", metavar="FILE",
         help="runs, repeatable (default: bench/evidence/real.yaml)",
     )  # fmt: skip
+    parser.add_argument("-j", "--jobs", type=int, default=1, help="processes (default 1)")
     arguments = parser.parse_args()
     worth = {name: Worth() for name in MECHANISMS}
     count = 0
     with TemporaryDirectory() as folder:
         for path in arguments.campaign or [ROOT / "bench/evidence/real.yaml"]:
-            for case, expect in runs_of(path.resolve(), Path(folder) / path.stem):
-                results = judged(case, expect)
+            runs = list(runs_of(path.resolve(), Path(folder) / path.stem))
+            for results in in_order(judged, runs, arguments.jobs):
+                if isinstance(results, Refused):
+                    raise FleaError(results.words)
                 for name, of in worth.items():
                     of.count(results[""], results[name])
                 count += 1

@@ -23,76 +23,35 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from support.evidence import ONSET_S, STAND, block, diagnosis, running, table
 from support.models import linear_ema as ema
-from support.places import FLEA_STAND
 
 from flea_diag.configuration.component import evidence_pipeline
-from flea_diag.configuration.evidence import EvidenceStand, with_law
-from flea_diag.configuration.stand import load_stand
-from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.tools.calibrate.nominal_recording import NominalRecording
-from flea_diag.tools.calibrate.procedure import learn
-from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     TAKEN_OVER,
     AmbiguityGroup,
-    ChannelInfo,
-    ChannelTable,
     Detection,
     FeatureRequest,
     FeatureValue,
     Outcome,
     Record,
     Residual,
-    Scan,
     Symbols,
 )
 
 pytestmark = pytest.mark.slow
 
-STAND = load_stand(str(FLEA_STAND))
-PERIOD_NS = 10_000_000
-ONSET_S = 9.0
-
-
-@cache
-def diagnosis() -> EvidenceStand:
-    """By the law of ten healthy runs of 12 s."""
-    runs = []
-    for n, columns in enumerate(ema.nominal_runs()[:5]):
-        for half in (slice(0, 1200), slice(1200, 2400)):
-            part = {name: values[half] for name, values in columns.items()}
-            run = NominalRun(f"run{n}_{half.start}", ema.rows(part, ema.STAND))
-            runs.append(NominalRecording(run, "s", ema.STAND, "mean", 0.01))
-    calibration = learn(runs, STAND.actuator, 0.1, faults=STAND.faults).calibration
-    assert calibration.law is not None
-    return with_law(STAND, calibration, calibration.law)
-
-
-@cache
-def running(**faulty: float) -> ema.Columns:
-    """A run of 24 s that none of the others is; from ``ONSET_S`` on it may be another actuator."""
-    changed = ema.changed(**faulty) if faulty else None
-    motion, mean = ema.MOTIONS[5]
-    columns = ema.run(
-        ema.HEALTHY, 24.0, motion, lambda t: mean + 40.0 * math.sin(1.3 * t), changed, ONSET_S
-    )
-    return ema.noisy(columns, 90)
-
 
 def records(columns: ema.Columns, together: int = 2400) -> list[Record]:
     """What is said of a run, its scans so many at a time."""
-    stage, channels = evidence_pipeline(diagnosis(), STAND), diagnosis().calibration.channels
-    rows = np.column_stack([columns[name] for name in channels])
-    stamps = PERIOD_NS * (1 + np.arange(len(rows)))
-    table = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in channels)
-    said: list[Record] = list(stage.handle(ChannelTable(1, "flea", tuple(table))))
-    for first in range(0, len(rows), together):
-        part = slice(first, first + together)
-        said += stage.handle_block(ScanBlock(stamps[part], channels, rows[part]))
+    stage, whole = evidence_pipeline(diagnosis(), STAND), block(columns)
+    said: list[Record] = list(stage.handle(table()))
+    for first in range(0, len(whole), together):
+        said += stage.handle_block(whole.part(slice(first, first + together)))
     return [record for record in said if isinstance(record, AmbiguityGroup | Detection)]
 
 
@@ -162,11 +121,8 @@ def test_blocks_and_single_scans_give_the_same_verdicts(together: int) -> None:
 
 def said_by(stage: Pipeline, columns: ema.Columns, first: int = 0) -> list[Record]:
     """All that is said of the scans of a run, the first of them at a stamp of its number."""
-    channels = diagnosis().calibration.channels
-    rows = np.column_stack([columns[name] for name in channels])
-    stamps = PERIOD_NS * (1 + first + np.arange(len(rows)))
     said: list[Record] = []
-    for record in stage.handle_block(ScanBlock(stamps, channels, rows)):
+    for record in stage.handle_block(block(columns, first)):
         said += record.records() if isinstance(record, ResidualBlock) else [record]
     return said
 
@@ -174,8 +130,7 @@ def said_by(stage: Pipeline, columns: ema.Columns, first: int = 0) -> list[Recor
 def begun(**parameters: float) -> Pipeline:
     """A diagnoser that has its channel table."""
     stage = evidence_pipeline(diagnosis(), STAND, **parameters)
-    infos = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in diagnosis().calibration.channels)
-    stage.handle(ChannelTable(1, "flea", tuple(infos)))
+    stage.handle(table())
     return stage
 
 
@@ -231,8 +186,7 @@ def test_an_observer_that_comes_back_goes_on_with_the_open_episode() -> None:
     stage = begun()
     verdict = [r for r in said_by(stage, running(coulomb=150.0)) if isinstance(r, AmbiguityGroup)]
     again = evidence_pipeline(diagnosis(), STAND)
-    infos = (ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in diagnosis().calibration.channels)
-    again.handle(ChannelTable(1, "flea", tuple(infos)))
+    again.handle(table())
     again.handle(verdict[-1])
     late = {name: values[1200:] for name, values in running(coulomb=150.0).items()}
     said = said_by(again, late, 2400)
@@ -249,17 +203,12 @@ AXES = ("accelerometer_1_x", "accelerometer_2_x")
 
 def answered(symbol_of: Callable[[str], str], coulomb: float = 150.0) -> list[Record]:
     """What is said of a drag on a stand with accelerometers, whose features have these symbols."""
-    stand, channels = diagnosis(), diagnosis().calibration.channels
+    stand = diagnosis()
     stage = Pipeline((
         stand.observer(ObserverParameters()),
         stand.isolator(IsolatorParameters(), in_process=True),
     ))  # fmt: skip
-    infos = [ChannelInfo(name, "", -1e9, 1e9, 100.0) for name in (*channels, *AXES)]
-    rows = np.column_stack([running(coulomb=coulomb)[name] for name in channels])
-    waiting: list[Record] = [ChannelTable(1, "flea", tuple(infos))]
-    waiting += [
-        Scan(PERIOD_NS * (1 + k), channels, tuple(row)) for k, row in enumerate(rows.tolist())
-    ]
+    waiting: list[Record] = [table(AXES), *block(running(coulomb=coulomb)).records()]
     out: list[Record] = []
     while waiting:
         said = list(stage.handle(waiting.pop(0)))
