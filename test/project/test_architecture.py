@@ -226,7 +226,7 @@ ARROWS = {
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
-        "evidence": ("baselines", "observer", "stream"),
+        "evidence": ("baselines", "observer", "isolator", "stream"),
     },
     "flea_diag.wire": {
         "": (),

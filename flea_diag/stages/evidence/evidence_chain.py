@@ -34,7 +34,7 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.regressor_table import answers_of
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
-from flea_diag.stages.observer.residual_tests import SensorTests
+from flea_diag.stages.observer.residual_tests import SensorTestsAlone
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import NEVER_NS, OTHER_UNIT, ChannelQuality, Quality, Record
 
@@ -61,8 +61,8 @@ class EvidenceChain(ObserverChain):
     def _detection(self) -> EvidenceDetection:
         return EvidenceDetection(self._k, self._parameters.rearm_after_s)
 
-    def _tests(self, estimates: bool) -> SensorTests:
-        return SensorTests(self._effects.relations)
+    def _tests(self, estimates: bool) -> SensorTestsAlone:
+        return SensorTestsAlone(self._effects.relations)
 
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """As the observer, with every correction frozen."""

@@ -32,7 +32,7 @@ from flea_diag.stages.evidence.sensor_modes import SensorModes
 from flea_diag.stages.evidence.stream_evidence import of_change
 from flea_diag.stages.evidence.window_stamps import WindowStamps
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.method import evidence_of_scans, isolation_of, query_of
+from flea_diag.stages.isolator.likelihood_method import evidence_of_scans, isolation_of, query_of
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus

@@ -12,25 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Lifecycle of the isolator's episodes: opened, joined with the observer's, closed."""
+"""Lifecycle of the isolator's episodes: opened, joined with the observer's, closed.
+
+What weighs their hypotheses is a ``Method``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from enum import Enum, auto
+from typing import Protocol
 
 from flea_diag.core.choice.fault_group import refine_side
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.method import Method
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.isolator.stand_status import StandStatus
+from flea_diag.stages.isolator.verdict_record import VerdictRecord
 from flea_diag.stages.merge import Merge
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
     TAKEN_BACK,
     TAKEN_OVER,
     AmbiguityGroup,
     Detection,
+    Residual,
     Symbols,
 )
 
@@ -44,6 +53,37 @@ class Change(Enum):
     CLOSED = auto()
     ANOTHER_UNIT = auto()
     TAKEN_BACK = auto()
+
+
+class Method(Protocol):
+    """Makes episodes, and what differs from method to method."""
+
+    def begin(self, shared: Episode) -> FaultEpisode:
+        """A new episode."""
+
+    def joined(self, episode: FaultEpisode) -> None:
+        """The observer now detects as well what vibration had opened."""
+
+    def forget(self) -> None:
+        """The unit was exchanged for another one."""
+
+    def verdict(self) -> VerdictRecord:
+        """What makes the verdict of an episode."""
+
+    def pass_by(self, record: Residual, quiet: bool) -> None:
+        """Take a scan that is evaluated in no episode; ``quiet``: none is open."""
+
+    def learn(self, block: ResidualBlock) -> None:
+        """Take scans while no episode is open."""
+
+    def looks(self, episode: FaultEpisode, block: ResidualBlock) -> Iterator[int]:
+        """Take scans of an open episode: yields each after which it is to be evaluated."""
+
+    def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> bool:
+        """Compare the evidence of an episode with its hypotheses; whether there is any."""
+
+
+MethodOf = Callable[[Knowledge, IsolatorParameters, StandStatus], Method]
 
 
 class EpisodeLifecycle:

@@ -28,9 +28,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
-from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
+from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle, MethodOf
 from flea_diag.stages.isolator.feature_requests import FeatureRequests
-from flea_diag.stages.isolator.method import LikelihoodMethod, MethodOf
+from flea_diag.stages.isolator.likelihood_method import LikelihoodMethod
 from flea_diag.stages.isolator.motion_history import MotionHistory
 from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge

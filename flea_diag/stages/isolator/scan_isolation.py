@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle
+from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle, Method
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.method import Method
 from flea_diag.stages.isolator.motion_history import MotionHistory
 from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters

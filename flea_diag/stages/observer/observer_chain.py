@@ -34,7 +34,7 @@ from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.regressor_table import Answer
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
-from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTests
+from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTestsAlone
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.stream.stream_order import StreamOrder
 from flea_diag.wire.blocks import ScanBlock
@@ -88,7 +88,7 @@ class ObserverChain:
         self.episode.forget()
         self._unit.forget()
 
-    def _tests(self, estimates: bool) -> ResidualTests | SensorTests:
+    def _tests(self, estimates: bool) -> ResidualTests | SensorTestsAlone:
         """Tests of the residuals of one stream."""
         p = self._parameters
         relations = self._effects.relations

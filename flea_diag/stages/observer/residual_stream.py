@@ -37,7 +37,7 @@ from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.mode_watch import ModeWatch
 from flea_diag.stages.observer.regressor_table import Answer, RegressorTable
-from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTests
+from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTestsAlone
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
@@ -87,7 +87,7 @@ class ResidualStream:
         warm_up_s: float,
         backend: str,
         answers: Sequence[Answer] | None,
-        tests: ResidualTests | SensorTests,
+        tests: ResidualTests | SensorTestsAlone,
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns

@@ -121,7 +121,7 @@ class ResidualTests:
         self._z_tests.forget(self._innovations)
 
 
-class SensorTests:
+class SensorTestsAlone:
     """Tests of single sensors; what the relations say is judged by another.
 
     A residual that has a value counts as judged.

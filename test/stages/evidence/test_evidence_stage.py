@@ -23,8 +23,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from support.evidence import ONSET_S, STAND, block, diagnosis, running, table
 from support.models import linear_ema as ema
+from support.models.linear_evidence import ONSET_S, STAND, block, diagnosis, running, table
 
 from flea_diag.configuration.component import evidence_pipeline
 from flea_diag.stages.isolator.parameters import IsolatorParameters

@@ -25,7 +25,7 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
-from flea_diag.stages.isolator.method import LikelihoodMethod
+from flea_diag.stages.isolator.likelihood_method import LikelihoodMethod
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.merge import Merge

@@ -20,9 +20,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from support.evidence import STAND, block, calibration, diagnosis, running, table
 from support.flight import SOURCES, Flight
 from support.live import Peer, Process, node
+from support.models.linear_evidence import STAND, block, calibration, diagnosis, running, table
 
 from flea_diag.configuration.component import evidence_pipeline
 from flea_diag.stages.digest import digest
