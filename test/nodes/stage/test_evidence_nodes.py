@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -97,8 +98,11 @@ def test_three_nodes_weigh_as_one(domain: int, by_evidence: tuple[str, ...]) -> 
         assert digest(flown(flight, 2.0, wanted)) == wanted
 
 
-def test_a_calibration_without_a_law_is_refused_by_the_node(domain: int) -> None:
+def test_a_calibration_without_a_law_is_refused_by_the_node(domain: int, tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
-    with Process(node("flea_diag.nodes.observer", "-p", "configuration:=evidence"), domain) as it:
+    path = tmp_path / "older.yaml"
+    write_calibration(path, replace(calibration(), law=None))
+    told = "-p", "configuration:=evidence", "-p", f"calibration:={path}"
+    with Process(node("flea_diag.nodes.observer", *told), domain) as it:
         assert it.end() == 2
     assert "no law of healthy recordings" in it.output
