@@ -222,11 +222,11 @@ def test_a_step_leaves_alone_what_it_does_not_know(content: dict[str, Any]) -> N
 def test_attachments_of_an_old_bag_say_what_the_shipped_files_say(tmp_path: Path) -> None:
     for name, text in BagReader(BAG).attachments.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    # Neither the digest of the description nor the envelope was known at that time, nor for how
+    # Neither the digest of the description, nor the envelope, nor the law was known, nor for how
     # long a voltage may be held.
     shipped = learned(load_stand())
     tested = tuple(limit for limit in shipped.sensors if limit.channel != "motor_voltage")
-    shipped = replace(shipped, actuator_sha256="", envelope=None, sensors=tested)
+    shipped = replace(shipped, actuator_sha256="", envelope=None, sensors=tested, law=None)
     assert load_calibration(tmp_path / "calibration.yaml") == shipped
     assert KEY not in load_yaml(tmp_path / "features.yaml")
     table = load_features(str(tmp_path / "features.yaml"))

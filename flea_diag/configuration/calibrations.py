@@ -91,8 +91,9 @@ def law_of(stand: Stand) -> RunLaw:
     law = learned(stand).law
     if law is None:
         raise ConfigurationError(
-            f"{stand.calibration} holds no law of healthy recordings: make it again by "
-            "`flea calibrate`, or name nominal bags under `learn_from` in a campaign"
+            f"{stand.calibration} holds no law of healthy recordings: learn it from nominal ones "
+            f"by flea calibrate BAGS --stand {stand.folder} -o {stand.calibration} --law-only, or "
+            "name them under `learn_from` in a campaign"
         )
     return law
 

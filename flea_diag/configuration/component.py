@@ -200,9 +200,9 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
     return IsolatorStage(knowledge(stand, learned(stand)), parameters, in_process)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=32)
 def _by_evidence(stand: Stand) -> EvidenceStand:
-    """Made once for the stages of one process."""
+    """Made once for all stages of one stand in a process, of so many stands of a fleet."""
     from flea_diag.configuration.evidence import evidence_of
 
     return evidence_of(stand)

@@ -53,9 +53,9 @@ class ChangeEvidence:
         """Of the most likely onset."""
         return self._onsets[0]
 
-    def weighed(self) -> OnsetWeighed:
+    def weighed(self, feigned: bool = True) -> OnsetWeighed:
         """Mean over the onsets; size and misfit of a model are those of the onset it fits best."""
-        every = [evidence.weighed() for evidence in self._onsets]
+        every = [evidence.weighed(feigned) for evidence in self._onsets]
         if len(every) == 1:
             return every[0]
         best = np.argmax([one.alone for one in every], axis=0)

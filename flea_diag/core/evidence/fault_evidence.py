@@ -222,8 +222,11 @@ class FaultEvidence:
         """Windows that count since the onset."""
         return float(self._count.max(initial=0.0))
 
-    def weighed(self) -> OnsetWeighed:
-        """Evidence of every model and of another unit."""
+    def weighed(self, feigned: bool = True) -> OnsetWeighed:
+        """Evidence of every model and of another unit.
+
+        ``feigned``: also what healthy recordings feign; 0 without it.
+        """
         h, ones = self._h, np.ones(len(self._own))
         widths = self._alone, self._own.shape[-1]
         plain = [self._sums(ones, width) for width in widths]
@@ -233,9 +236,12 @@ class FaultEvidence:
         alone, both = (self._sums(scale, width) for width in widths)
         faults = h.evidence(alone)
         unit, before = self._unit(both.own, faults), self._onset == 0
-        found = posterior(alone, h.signatures.prior)
+        found, nothing = posterior(alone, h.signatures.prior), np.zeros(len(faults))
+        healthy, with_unit = (
+            h.of_healthy(sums, before) if feigned else nothing for sums in (alone, both)
+        )
         return OnsetWeighed(
-            faults, h.evidence(both), unit, h.of_healthy(alone, before), h.of_healthy(both, before),
+            faults, h.evidence(both), unit, healthy, with_unit,
             found.size, found.sigma, left, self._shown(plain[0].own), self._count.copy(),
         )  # fmt: skip
 

@@ -123,7 +123,7 @@ class EvidenceMethod:
     def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> bool:
         """Weigh every fault that may be a member."""
         assert isinstance(episode, EvidenceEpisode)
-        weighed = episode.weighed = episode.change.weighed()
+        weighed = episode.weighed = episode.change.weighed(feigned=False)
         episode.by_sensors = self._sensors.words
         if episode.shared.opened_by_vibration:
             nats = dict.fromkeys(episode.isolation.hypotheses, 0.0) | self._nats(weighed)
