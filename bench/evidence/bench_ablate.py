@@ -28,7 +28,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -41,8 +40,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from summary import ROOT, Figure, bench_parser, write_summary
 
 from flea_diag.configuration.component import evidence_pipeline
-from flea_diag.configuration.evidence import EvidenceStand
-from flea_diag.configuration.stand import Stand, load_stand
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.evidence import fault_evidence, hypotheses, white_stream
 from flea_diag.core.evidence.fault_evidence import FaultEvidence
 from flea_diag.core.evidence.friction import Friction
@@ -157,12 +155,6 @@ def told(result: RunResult) -> tuple[object, ...]:
     return result.outcome, result.group, result.alarms_s
 
 
-@cache
-def evidence_by(stand: Stand, nominal: tuple[Path, ...]) -> EvidenceStand:
-    """The evidence of one stand by one calibration."""
-    return evidence_stand(stand, nominal)
-
-
 def runs_of(path: Path, folder: Path) -> Iterator[tuple[Case, Any]]:
     """Runs of a campaign that the evidence diagnoses, and what each may be called."""
     campaign = load_campaign(path)
@@ -179,7 +171,7 @@ def judged(run: tuple[Case, Any]) -> dict[str, RunResult]:
     """One run by the whole, under an empty name, and without each mechanism."""
     case, expect = run
     stand = load_stand(case.stand, calibration=case.calibration)
-    known = evidence_by(stand, tuple(Path(bag) for bag in case.learned_from))
+    known = evidence_stand(stand, tuple(Path(bag) for bag in case.learned_from))
     results = {}
     for name in ("", *MECHANISMS):
         with without(name):

@@ -22,7 +22,7 @@ from functools import partial
 
 from flea_diag.configuration.calibrations import law_of, learned
 from flea_diag.configuration.description import described
-from flea_diag.configuration.knowledge import effects, knowledge, load_features
+from flea_diag.configuration.knowledge import effects, knowledge
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
@@ -35,7 +35,6 @@ from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names, speed_signal
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
-from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.stages.evidence.evidence_chain import EvidenceChain
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
 from flea_diag.stages.evidence.evidence_method import EvidenceMethod
@@ -53,7 +52,6 @@ class EvidenceStand:
     """What the stages of a stand are made of."""
 
     told: Knowledge
-    nominal: NominalRanges
     knowledge: EvidenceKnowledge
 
     @property
@@ -65,7 +63,7 @@ class EvidenceStand:
         """Scans in, residuals and detection out."""
         known, calibration = self.told.effects, self.calibration
         chain = EvidenceChain(self.knowledge, calibration, known, parameters)
-        return ObserverStage(calibration, known, parameters, self.nominal, chain)
+        return ObserverStage(calibration, known, parameters, self.told.features.nominal, chain)
 
     def isolator(self, parameters: IsolatorParameters, in_process: bool = False) -> IsolatorStage:
         """Residuals and detection in, verdicts out."""
@@ -97,12 +95,11 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     sensors = _sensors(told)
     judged = {model.fault for model in signatures.models} - SensorModes(sensors).faults
     limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
-    nominal = load_features(stand.features).nominal
     judged_by = EvidenceKnowledge(
         (made[0], made[1]), law.relations, frozenset(judged), limits, sensors,
         _columns(told, law, made[0]),
     )  # fmt: skip
-    return EvidenceStand(told, nominal, judged_by)
+    return EvidenceStand(told, judged_by)
 
 
 def _columns(

@@ -71,7 +71,6 @@ class Episode:
             self,
             detection_number=detection.episode,
             opening_shift=opening_shift(detection),
-            onsets_ns=tuple(stamp_ns for _, stamp_ns in detection.onsets),
         )
 
 

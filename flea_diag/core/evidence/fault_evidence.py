@@ -162,9 +162,9 @@ class FaultEvidence:
         if since < 0:
             self._take_quiet(white)
             return
-        known = np.nan_to_num(white.errors)
+        errors = np.nan_to_num(white.errors)
         self._count += np.isfinite(white.errors)
-        self._seen += known, np.square(known)
+        self._seen += errors, np.square(errors)
         own = np.concatenate((white.own, later[:, count:]), axis=-1)
         # From the start of a stream nothing says yet how far a reading may be off.
         exact = exact_share(white.deviations if self._onset else white.errors)
@@ -201,8 +201,8 @@ class FaultEvidence:
         ])  # fmt: skip
         b = np.concatenate((cross[:, 0] + prior.mean[best] / sigma**2, sums.own[1:, 0]))
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
-        rows, mean = np.column_stack((own[:, 0], phi[:, best], own[:, 1:])), covariance @ b
-        return standardised(rows, mean, covariance)
+        rows = np.column_stack((own[:, 0], phi[:, best], own[:, 1:]))
+        return standardised(rows, covariance @ b, covariance)
 
     @property
     def shown(self) -> tuple[Array, Array, Array]:

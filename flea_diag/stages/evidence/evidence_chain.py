@@ -64,12 +64,10 @@ class EvidenceChain(ObserverChain):
     def _tests(self, estimates: bool) -> SensorTestsAlone:
         return SensorTestsAlone(self._effects.relations)
 
-    def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
-        """As the observer, with every correction frozen."""
-        output = self.stream.step(block.stamps_ns, reading.usable, frozen=True)
-        if self.order.rate.off_hz:
-            output.results.z.fill(np.nan)  # derivatives and windows count scans
-        return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output
+    @property
+    def freezes(self) -> bool:
+        """Always: see the module's first lines."""
+        return True
 
     def happens(self, block: ScanBlock, output: StreamOutput) -> int:
         """The first scan with which the evidence causes a record, or n."""

@@ -177,7 +177,8 @@ class EvidenceDetection:
     def _listen(self, block: ResidualBlock, scans: slice) -> tuple[int, Records]:
         """Tests of single sensors are judged at every scan; the first that alarms."""
         first = self._sensors.take(block, scans)
-        self._loud_ns = max(self._loud_ns, self._sensors.loud_ns)
+        if self.is_open:
+            self._loud_ns = max(self._loud_ns, self._sensors.loud_ns(block, scans))
         if first == len(block) or self.is_open:
             return len(block), ()
         onset = max(self._stream.history.taken - ONSET_WINDOWS, 0)

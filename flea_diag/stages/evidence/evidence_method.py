@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed, StreamHistory
@@ -50,6 +49,7 @@ class EvidenceMethod:
     ) -> None:  # fmt: skip
         self._e, self._k, self._p, self._stand = evidence, knowledge, parameters, stand
         self._models = evidence.hypotheses[0].signatures.models
+        self._faults = tuple(dict.fromkeys(evidence.faults))
         # For advice alone: how motions would part the members.
         self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         self._renew()
@@ -81,9 +81,6 @@ class EvidenceMethod:
         if not (shared.opened_by_vibration or shared.taken_over):
             self.evaluate(shared.detected_ns, episode)
         return episode
-
-    def joined(self, episode: FaultEpisode) -> None:
-        """Its evidence is that of all windows since the alarm."""
 
     def forget(self) -> None:
         """Another unit is in use: from an onset that the observer says, or with the next scan."""
@@ -125,11 +122,13 @@ class EvidenceMethod:
         assert isinstance(episode, EvidenceEpisode)
         weighed = episode.weighed = episode.change.weighed(feigned=False)
         episode.by_sensors = self._sensors.words
+        fits = {fault: self._fit(fault, weighed) for fault in self._faults}
+        nats = {fault: fit.log_likelihood for fault, fit in fits.items()}
         if episode.shared.opened_by_vibration:
-            nats = dict.fromkeys(episode.isolation.hypotheses, 0.0) | self._nats(weighed)
+            nats = dict.fromkeys(episode.isolation.hypotheses, 0.0) | nats
         else:
-            nats = self._gains(weighed)
-        episode.weigh(stamp_ns, nats, self._fits(weighed))
+            nats = self._possible(nats)
+        episode.weigh(stamp_ns, nats, fits)
         since_s = (stamp_ns - episode.shared.detected_ns) / 1e9
         if episode.change.windows >= TOLD_WINDOWS or since_s >= self._p.settle_s:
             episode.settled = True
@@ -157,16 +156,9 @@ class EvidenceMethod:
         self._sensors.take(block, slice(begun, len(block)))
         self._last_ns = int(block.stamps_ns[-1]) if len(block) else self._last_ns
 
-    def _nats(self, weighed: OnsetWeighed) -> dict[str, float]:
-        """Evidence of each fault over nothing, by the model of it that fits best."""
-        nats: dict[str, float] = {}
-        for fault, value in zip(self._e.faults, weighed.every.tolist(), strict=True):
-            nats[fault] = max(value, nats.get(fault, -math.inf))
-        return nats
-
-    def _gains(self, weighed: OnsetWeighed) -> dict[str, float]:
-        """The same, without those that the tests of single sensors exclude."""
-        gains, by_sensors = self._nats(weighed), self._sensors.faults
+    def _possible(self, gains: dict[str, float]) -> dict[str, float]:
+        """Evidence of faults over nothing, without those that tests of single sensors exclude."""
+        by_sensors = self._sensors.faults
         if not self._sensors:
             return {fault: nats for fault, nats in gains.items() if fault not in by_sensors}
         possible = self._sensors.possible()
@@ -175,11 +167,8 @@ class EvidenceMethod:
         best = max(by_relations, default=0.0)
         return {f: best if f in by_sensors else gains.get(f, best) for f in possible} or gains
 
-    def _fits(self, weighed: OnsetWeighed) -> dict[str, Fit]:
-        """Sizes of each fault by the model of it that fits best."""
-        return {fault: self._fit(fault, weighed) for fault in dict.fromkeys(self._e.faults)}
-
     def _fit(self, fault: str, weighed: OnsetWeighed) -> Fit:
+        """Evidence and sizes of a fault by the model of it that fits best."""
         best = best_model(self._models, weighed, fault)
         assert best is not None
         count = len(self._models[best].sizes)

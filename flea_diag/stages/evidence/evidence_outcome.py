@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.evidence.goodness import contradicted
@@ -78,8 +77,4 @@ class EvidenceOutcome(OutcomeRules):
 def best_model(models: Sequence[FaultModel], weighed: OnsetWeighed, fault: str) -> int | None:
     """Number of the model of a fault that fits best; None: it has no model."""
     places = [k for k, model in enumerate(models) if model.fault == fault]
-    return max(places, key=partial(_nats, weighed)) if places else None
-
-
-def _nats(weighed: OnsetWeighed, model: int) -> float:
-    return float(weighed.every[model])
+    return max(places, key=lambda k: float(weighed.every[k])) if places else None

@@ -20,8 +20,6 @@ Nothing is learned of the unit, and predicted temperatures are never corrected.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
@@ -30,7 +28,6 @@ from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.channels import ChannelReadings
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
-from flea_diag.stages.observer.regressor_table import Answer
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.stages.observer.state_estimate import NONE
@@ -60,11 +57,9 @@ class ResidualSource:
     consumes: tuple[type, ...] = (ChannelTable, Scan)
     takes_blocks = True
 
-    def __init__(
-        self, calibration: Calibration, effects: EffectSet, answers: Sequence[Answer] = ()
-    ) -> None:
+    def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
         parameters = ObserverParameters(warm_up_s=0.0, state_observer=NONE)
-        self._chain: ObserverChain = UntestedChain(calibration, effects, parameters, answers)
+        self._chain: ObserverChain = UntestedChain(calibration, effects, parameters, ())
         self._replay = BlockReplay()
         names = self._chain.stream.regressor_names
         self._records = ResidualRecords(effects.residuals, calibration, names)

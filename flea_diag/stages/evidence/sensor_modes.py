@@ -30,13 +30,12 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES
 from flea_diag.stages.baselines.sensor_alarms import STEP, SensorAlarms
+from flea_diag.stages.observer.detection_episode import QUIET
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import NEVER_NS
 
 SHOWN_S = 1.0
 """Time after the first response in which a test of the same sensor shows what it is."""
-QUIET = 0.7
-"""A test below this share of its limit is quiet."""
 MOVED_S = 0.5
 """Time for which a reading goes on moving that is not dead."""
 
@@ -77,8 +76,6 @@ class SensorModes(SensorAlarms):
         super().__init__(knowledge.tests, knowledge.faults)
         self._k = knowledge
         self._scans = 0
-        self.loud_ns = NEVER_NS
-        """Stamp of the last scan at which a test was near its limit or beyond it."""
         self._moved = dict.fromkeys(knowledge.motion, 0)
 
     @property
@@ -91,21 +88,28 @@ class SensorModes(SensorAlarms):
     def take(self, block: ResidualBlock, scans: slice) -> int:
         """Look at some scans of a block: the first of the block beyond a limit, or its length."""
         first = super().take(block, scans)
-        columns = [k for k, name in enumerate(block.names) if name in self._tests]
-        near = np.abs(block.z[scans, columns]) > QUIET * block.thresholds[scans, columns]
-        if (loud := np.flatnonzero(near.any(axis=1))).size:
-            self.loud_ns = int(block.stamps_ns[scans][loud[-1]])
         if self:
             since = scans.start if self._scans else min(first, scans.stop)
             self._follow(block, slice(since, scans.stop))
         return first
 
+    def loud_ns(self, block: ResidualBlock, scans: slice) -> int:
+        """Stamp of the last of some scans at which a test is not quiet; never where all are."""
+        columns = self._columns(block)
+        loud = np.abs(block.z[scans, columns]) > QUIET * block.thresholds[scans, columns]
+        at = np.flatnonzero(loud.any(axis=1))
+        return int(block.stamps_ns[scans][at[-1]]) if at.size else NEVER_NS
+
     def beyond(self, block: ResidualBlock, scan: int) -> tuple[str, float, float]:
         """The test that is farthest beyond its limit at a scan: name, statistic and limit."""
-        columns = [k for k, name in enumerate(block.names) if name in self._tests]
+        columns = self._columns(block)
         z, limits = block.z[scan, columns], block.thresholds[scan, columns]
         most = int(np.nanargmax(np.abs(z) / limits))
         return block.names[columns[most]], float(z[most]), float(limits[most])
+
+    def _columns(self, block: ResidualBlock) -> list[int]:
+        """Columns of these tests."""
+        return [k for k, name in enumerate(block.names) if name in self._tests]
 
     def _follow(self, block: ResidualBlock, scans: slice) -> None:
         """Count scans since the first response, and those in which a reading moves."""

@@ -61,9 +61,6 @@ class Method(Protocol):
     def begin(self, shared: Episode) -> FaultEpisode:
         """A new episode."""
 
-    def joined(self, episode: FaultEpisode) -> None:
-        """The observer now detects as well what vibration had opened."""
-
     def forget(self) -> None:
         """The unit was exchanged for another one."""
 
@@ -125,7 +122,6 @@ class EpisodeLifecycle:
             return Change.TAKEN_OVER
         if detection.detected and episode is not None and episode.shared.opened_by_vibration:
             episode.join(detection)
-            self._method.joined(episode)
         if detection.test == ANOTHER_UNIT:
             self._method.forget()
             self.close()

@@ -134,44 +134,41 @@ class LikelihoodMethod:
         self, knowledge: Knowledge, parameters: IsolatorParameters, stand: StandStatus
     ) -> None:
         self._k, self._p = knowledge, parameters
-        self.quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
+        self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         effects, counts = knowledge.effects, knowledge.calibration.counts
         self._jumps = JumpMemory(effects.names, effects.readings, counts)
-        self._evaluation = EpisodeEvaluation(self.quantitative, parameters, stand, self._jumps)
+        self._evaluation = EpisodeEvaluation(self._quantitative, parameters, stand, self._jumps)
 
     def begin(self, shared: Episode) -> FaultEpisode:
         """A new episode; scans from now on are not part of the baseline."""
-        self.quantitative.interrupt_baseline()
+        self._quantitative.interrupt_baseline()
         return FaultEpisode(
             shared,
             self._k.effects.residuals,
             isolation_of(self._k),
-            evidence_of_scans(shared, self._k, self.quantitative, self._p.onset_s),
+            evidence_of_scans(shared, self._k, self._quantitative, self._p.onset_s),
             query_of(shared, self._p),
         )
 
-    def joined(self, episode: FaultEpisode) -> None:
-        """Its evidence is that of all scans since the alarm."""
-
     def forget(self) -> None:
         """The baseline of the previous unit does not apply."""
-        self.quantitative.forget()
+        self._quantitative.forget()
 
     def verdict(self) -> VerdictRecord:
         """By the fits of fault models."""
-        quantitative = self.quantitative
-        return VerdictRecord(self._k, self._p, quantitative.models, quantitative.names)
+        known = self._quantitative
+        return VerdictRecord(self._k, self._p, known.models, known.names)
 
     def pass_by(self, record: Residual, quiet: bool) -> None:
         """Jumps are remembered; the baseline of the unit is that of quiet scans."""
         self._jumps.add((record.stamp_ns,), (record.regressors,))
         if quiet:
-            self.quantitative.learn_scan(record)
+            self._quantitative.learn_scan(record)
 
     def learn(self, block: ResidualBlock) -> None:
         """The same of many."""
         self._jumps.add(block.stamps_ns, block.regressors)
-        self.quantitative.learn(block)
+        self._quantitative.learn(block)
 
     def looks(self, episode: FaultEpisode, block: ResidualBlock) -> Iterator[int]:
         """Every half second since the detection."""

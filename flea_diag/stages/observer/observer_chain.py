@@ -139,9 +139,14 @@ class ObserverChain:
         """The first scan at which another unit is in use, or n."""
         return self._unit.follow(reading.usable.take(self._temperatures, axis=1))
 
+    @property
+    def freezes(self) -> bool:
+        """Whether corrections of what is predicted stand still."""
+        return bool(self.episode.is_open)
+
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """The first scan at which a channel changes its state, or n; residuals and tests of all."""
-        output = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
+        output = self.stream.step(block.stamps_ns, reading.usable, self.freezes)
         if self.order.rate.off_hz:
             output.results.z.fill(np.nan)  # derivatives and windows count scans
         return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output
