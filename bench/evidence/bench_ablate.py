@@ -46,7 +46,7 @@ from flea_diag.core.evidence.fault_evidence import FaultEvidence
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import HypothesisBank
-from flea_diag.core.likelihood_ratio.marginal_ratio import marginal_ratio
+from flea_diag.core.evidence.marginal_ratio import marginal_ratio
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.run_law.law_noise import LawNoise
 from flea_diag.errors import FleaError

@@ -139,7 +139,7 @@ class Stand:
         gain = np.diag(sums.gram[count:, count:] - mixed @ kept @ mixed.T)
         pull = sums.cross[count:] - mixed @ kept @ sums.cross[:count]
         size = pull / np.maximum(gain, 1e-300)
-        feigned = np.array([row.sigma if onset else row.claim_sigma for row in law.feigned])
+        feigned = np.array([row.begun_sigma if onset else row.claim_sigma for row in law.feigned])
         error = 1.0 / np.maximum(gain, 1e-300) + np.square(feigned)
         low = np.array([c.low for c in faults.columns])
         return np.where((size < 0.0) & (low >= 0.0), 0.0, 0.5 * size**2 / error)

@@ -94,10 +94,11 @@ PAGES = (
     ResultPage(
         "baselines",
         "One statistic instead of many tests",
-        "The diagnosis (`hybrid`) allows for what a unit is in five places. The baseline "
-        "`likelihood_ratio` has one: the largest marginal likelihood ratio over faults and onsets, "
-        "with the unit and a drifting level integrated out, beside the tests of single sensors "
-        "([Method](../method.md#one-statistic-instead)). Both "
+        "The diagnosis (`hybrid`) allows for what a unit is in five places. A baseline, "
+        "`likelihood_ratio`, had one: the largest marginal likelihood ratio over faults and "
+        "onsets, with the unit and a drifting level integrated out, beside the tests of single sensors. "
+        "The evidence ([Method](../method.md#one-evidence-by-the-law-of-healthy-recordings)) has "
+        "taken its place. Both "
         "diagnose the same runs; of two numbers in a cell the first is of the baseline. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
@@ -124,7 +125,7 @@ PAGES = (
         "in a cell the first is of the evidence. It decides nothing of the product yet. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
-        ("evidence",),
+        ("evidence", "evidence_cranfield", "evidence_second_load"),
     ),
     ResultPage(
         "performance",

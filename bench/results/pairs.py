@@ -14,7 +14,7 @@
 
 """Keeps what two configurations make of the same runs, for docs/results.
 
-python bench/results/pairs.py EVALUATION... --of likelihood_ratio --as likelihood_ratio \
+python bench/results/pairs.py EVALUATION... --of evidence --as evidence \
     --title "..." --scored-on "..."
 
 Each EVALUATION is a folder of `flea evaluate` whose campaign names both. Rows in which the two

@@ -96,7 +96,7 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     judged = {model.fault for model in signatures.models} - SensorModes(sensors).faults
     limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
     judged_by = EvidenceKnowledge(
-        (made[0], made[1]), law.relations, frozenset(judged), limits, sensors,
+        (made[0], made[1]), law.relations, frozenset(judged), limits, sensors, law.visible,
         _columns(told, law, made[0]),
     )  # fmt: skip
     return EvidenceStand(told, judged_by)

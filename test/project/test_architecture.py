@@ -204,7 +204,6 @@ ARROWS = {
             "symbolic",
             "run_law",
         ),
-        "likelihood_ratio": ("run_law", "likelihood", "calibration", "residuals", "symbolic"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -213,7 +212,7 @@ ARROWS = {
             "causal_graph",
             "faults",
         ),
-        "evidence": ("likelihood_ratio", "run_law", "likelihood", "isolation", "faults"),
+        "evidence": ("run_law", "likelihood", "isolation", "faults"),
         "vibration": (),
         "choice": ("vibration", "likelihood", "residuals", "symbolic"),
         "drawing": ("residuals", "causal_graph", "bond_graph", "symbolic"),

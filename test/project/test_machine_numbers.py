@@ -83,7 +83,6 @@ GENERAL: dict[Row, str] = {
     ("isolator/stand_status.py", "SEEN_MOVING_S", 0.5): "least evidence",
     ("judgement/ledger.py", "LEAST_S", 3.0): "least evidence",
     ("isolator/verdict_record.py", "LATE_S", 2.0): "what an operator is told",
-    ("likelihood_ratio/onset_bank.py", "MEMORY_S", 60.0): "a unit warms up",
     ("evidence/fault_evidence.py", "KEPT_S", 60.0): "a unit warms up",
     ("evidence/hypotheses.py", "OTHER_UNIT_K", 5.0): "a room, and what was used before",
     ("run_law/run_windows.py", "HEATING_S", 60.0): "windings have half a minute to two",

@@ -189,13 +189,14 @@ def test_the_recordings_show_what_is_to_be_held_equal():
     assert sum(map(len, blocks)) > 0.9 * len(recording("healthy"))
 
 
-def test_vibration_between_the_scans_changes_nothing():
+@pytest.mark.parametrize("configuration", ["hybrid", "evidence"])
+def test_vibration_between_the_scans_changes_nothing(configuration):
     """Residuals go one by one to an isolator that listens to levels; the rest is as before."""
     bag = BagReader(BAGS / "jam")
     source = [record for _, record in bag.records((ChannelTable, VibrationBlock, Scan))]
-    hybrid = baseline("hybrid").make
-    one = stands.feed(hybrid(Setting(load_stand())), source)
-    stage, many = hybrid(Setting(load_stand())), []
+    made = baseline(configuration).make
+    one = stands.feed(made(Setting(load_stand())), source)
+    stage, many = made(Setting(load_stand())), []
     for is_scan, part in groupby(source, key=lambda record: isinstance(record, Scan)):
         if is_scan:
             many += flat(stage.handle_block(block_of(list(part))))

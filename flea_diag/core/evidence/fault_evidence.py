@@ -32,6 +32,12 @@ import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
+from flea_diag.core.evidence.marginal_ratio import (
+    Sums,
+    marginal_ratio,
+    posterior,
+    posterior_mean,
+)
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import (
     WhiteStream,
@@ -39,12 +45,6 @@ from flea_diag.core.evidence.white_stream import (
     exact_share,
     standardised,
     weight_of,
-)
-from flea_diag.core.likelihood_ratio.marginal_ratio import (
-    Sums,
-    marginal_ratio,
-    posterior,
-    posterior_mean,
 )
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals

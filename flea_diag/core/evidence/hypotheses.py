@@ -28,13 +28,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.evidence.fault_signatures import FaultSignatures, SizePrior
 from flea_diag.core.evidence.friction import Friction
+from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood_ratio.fault_signatures import FaultSignatures, SizePrior
-from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio
 from flea_diag.core.run_law.law_columns import FREE, NEGLECTED, LawColumns
 from flea_diag.core.run_law.law_noise import BOUND, LawNoise
 from flea_diag.core.run_law.run_law import RunLaw
@@ -65,7 +65,7 @@ class StreamHypotheses(Frozen):
     room_models
         Models that enter a relation of the room, as an error of its thermometer does, (models,).
     feigned
-        Sizes that healthy recordings feign.
+        Sizes that whole healthy recordings feign, and what begins within them.
     memory_s
         Time in which what is known of a stream fades to 1/e.
     friction
@@ -80,7 +80,7 @@ class StreamHypotheses(Frozen):
     unit: Array
     room: npt.NDArray[np.bool_]
     room_models: npt.NDArray[np.bool_]
-    feigned: SizePrior
+    feigned: tuple[SizePrior, SizePrior]
     memory_s: float
     friction: Friction
 
@@ -121,10 +121,9 @@ class StreamHypotheses(Frozen):
         ``from_before``, shape (...): the onset is the start of the stream. What a whole recording
         differs by may look like any fault, as likely as another: there their mean counts, too.
         """
-        feigned = np.maximum(marginal_ratio(sums, self.feigned), 0.0)
-        count = feigned.shape[-1]
-        mean = np.logaddexp.reduce(feigned, axis=-1, keepdims=True) - math.log(count)
-        return np.where(np.asarray(from_before)[..., None], np.maximum(feigned, mean), feigned)
+        whole, begun = (np.maximum(marginal_ratio(sums, prior), 0.0) for prior in self.feigned)
+        mean = np.logaddexp.reduce(whole, axis=-1, keepdims=True) - math.log(whole.shape[-1])
+        return np.where(np.asarray(from_before)[..., None], np.maximum(whole, mean), begun)
 
     def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
         """What one unit of each size adds, and for each second, shape (relations, sizes).
@@ -173,8 +172,7 @@ def signatures_of(
 
     A size without a bound reaches at least ``WIDE`` times what half of the recordings show.
     """
-    nothing = np.zeros((len(law.relations), len(signals), 0))
-    made = FaultSignatures.of(models, law.relations, Basis(signals), nothing)
+    made = FaultSignatures.of(models, law.relations, Basis(signals))
     shown = {(row.fault, row.size): row.onset for row in law.visible}
     reach = np.ones(made.shape)
     for k, model in enumerate(made.models):
@@ -184,15 +182,16 @@ def signatures_of(
     return replace(made, reach=reach)
 
 
-def _feigned(law: RunLaw, signatures: FaultSignatures) -> SizePrior:
-    """Sizes of every model that healthy recordings feign."""
-    known = {(row.fault, row.size): (row.mean, row.sigma) for row in law.feigned}
-    rows = np.zeros((2, *signatures.shape))
+def _feigned(law: RunLaw, signatures: FaultSignatures) -> tuple[SizePrior, SizePrior]:
+    """Sizes of every model that healthy recordings feign, as a whole and from an onset on."""
+    known = {(r.fault, r.size): (r.mean, r.sigma, r.begun_sigma) for r in law.feigned}
+    rows = np.zeros((3, *signatures.shape))
     for k, model in enumerate(signatures.models):
         for i, size in enumerate(model.sizes):
-            rows[:, k, i] = known.get((model.fault, size.name), (0.0, 0.0))
+            rows[:, k, i] = known.get((model.fault, size.name), (0.0, 0.0, 0.0))
     free = np.full(signatures.shape, np.inf)
-    return SizePrior(rows[0], rows[1], -free, free)
+    mean, whole, begun = rows
+    return SizePrior(mean, whole, -free, free), SizePrior(mean, begun, -free, free)
 
 
 def session_variance(columns: LawColumns) -> Array:

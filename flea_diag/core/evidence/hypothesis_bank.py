@@ -27,9 +27,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
+from flea_diag.core.evidence.marginal_ratio import Sums
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import WhiteStream, weight_of
-from flea_diag.core.likelihood_ratio.marginal_ratio import Sums
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.core.run_law.whitening import WhiteSignals
 

@@ -23,6 +23,7 @@ of the plant is not detectable where the channels of the stand close no relation
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from flea_diag.core.calibration.calibration import Calibration
@@ -33,6 +34,13 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.run_law.run_law import VisibleSize
 
 CONSTANT = "one"
+UNDETECTABLE = (
+    "not detectable at any size with these sensors; a second sensor of the same quantity would "
+    "show it"
+)
+TOO_WIDE = (
+    "no size of the catalogue reaches a limit of this calibration: record more nominal running"
+)
 
 
 def undetectable(
@@ -85,13 +93,34 @@ def unseen_by_limits(visible: Sequence[VisibleSize]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(row.fault for row in visible if row.fault not in seen))
 
 
-def shows_from(visible: Sequence[VisibleSize]) -> tuple[tuple[str, str], ...]:
-    """Fault and the sizes from which on half of the calibration's recordings would show it."""
+def unseen(
+    faults: Mapping[str, Fault], visible: Sequence[VisibleSize], sensors: SensorSymptoms
+) -> dict[str, str]:
+    """Faults that no size within the catalogue lets the law see, each with the reason.
+
+    What a test of its sensor alone shows, or vibration, the law need not see.
+    """
+    seen = {row.fault for row in visible if row.onset <= row.largest}
+    at_all = {row.fault for row in visible if math.isfinite(row.onset)}
+    return {
+        row.fault: TOO_WIDE if row.fault in at_all else UNDETECTABLE
+        for row in visible
+        if row.fault in faults and row.fault not in seen
+        if not (faults[row.fault].vibration or tested_alone(faults[row.fault], sensors))
+    }
+
+
+def shows_from(visible: Sequence[VisibleSize], by_law: bool = False) -> tuple[tuple[str, str], ...]:
+    """Fault and the sizes from which on half of the calibration's recordings would show it.
+
+    By the limits of the tests of every residual, or ``by_law`` by the evidence.
+    """
     found: dict[str, list[str]] = {}
     for row in visible:
-        if row.limits <= row.largest:
+        size = row.onset if by_law else row.limits
+        if size <= row.largest:
             unit = "" if row.unit == "1" else f" {row.unit}"
-            found.setdefault(row.fault, []).append(f"{row.size} {row.limits:.3g}{unit}")
+            found.setdefault(row.fault, []).append(f"{row.size} {size:.3g}{unit}")
     return tuple((fault, " or ".join(sizes)) for fault, sizes in found.items())
 
 

@@ -45,6 +45,7 @@ from flea_diag.core.run_law.run_windows import (
     WINDOW_S,
     RunWindows,
     signal_names,
+    speed_signal,
 )
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import (
@@ -188,7 +189,8 @@ def _neglected(effects: EffectSet) -> Iterator[Term]:
     circuit = effects.residuals.circuit
     for row in effects.relations.relations:
         signals = [CURRENT_RATE, CURRENT_HEAT] if row.name == circuit else []
-        for signal in (*signals, *_loads(row, effects), *_of_pair(row, effects)):
+        of_row = (*_loads(row, effects), *_pushes(row, effects), *_of_pair(row, effects))
+        for signal in (*signals, *of_row):
             yield _own(row.name, signal)
     for name in effects.residuals.predictions:
         yield _own(name, ONE)
@@ -219,6 +221,13 @@ def _loads(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
             yield load
     if DIRECTION in effects.names and DIRECTION not in row.signals:
         yield DIRECTION
+
+
+def _pushes(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
+    """Of a balance of power what a steady push takes, which no channel reads."""
+    speed = speed_signal(effects.residuals)
+    if row.kind == "power" and speed in effects.names:
+        yield speed
 
 
 def _of_pair(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:

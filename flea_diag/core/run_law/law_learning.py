@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.fault_columns import FaultColumns
+from flea_diag.core.run_law.known_variance import KnownVariance
 from flea_diag.core.run_law.law_columns import NEGLECTED, LawColumns
 from flea_diag.core.run_law.law_noise import (
     TOGETHER,
@@ -38,11 +39,11 @@ from flea_diag.core.run_law.law_noise import (
 )
 from flea_diag.core.run_law.law_score import law_score
 from flea_diag.core.run_law.restricted_likelihood import Spread
-from flea_diag.core.run_law.run_defects import Candidates, UnsoundRun
+from flea_diag.core.run_law.run_defects import LEAST_GAIN, Candidates, UnsoundRun
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
 from flea_diag.core.run_law.run_sums import RunSums
-from flea_diag.core.run_law.run_windows import RunWindows
-from flea_diag.core.run_law.time_constant import time_constant_s
+from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows
+from flea_diag.core.run_law.time_constant import moving_variance, time_constant_s
 from flea_diag.core.run_law.unsound_runs import RunsJudged, sound_runs
 from flea_diag.core.run_law.variance_prior import VariancePrior
 
@@ -55,6 +56,8 @@ MEAN_TOLERANCES = 3.0
 """Prior of what a parameter of this unit differs by from the calibrated one."""
 ROUNDS = 3
 """Each round learns the noise anew; offline, two made no difference on the FLEA's recordings."""
+ONSETS = (0.25, 0.5, 0.75)
+"""Shares of a recording at which something is taken to begin in it."""
 STEP = "law of healthy recordings"
 Flags = npt.NDArray[np.bool_]
 Progress = Callable[[int, int, str], None]
@@ -255,7 +258,15 @@ def _rough_sigma(runs: Sequence[RunWindows]) -> Array:
 def _law(of: _Learning, judged: RunsJudged) -> RunLaw:
     """The law in SI units."""
     levels, which = judged.levels, np.flatnonzero(judged.sound).tolist()
-    variance = levels.variance
+    chosen = [of.runs[k] for k in which]
+    columns = [of.of(k) for k in which]
+    laws = [levels.of_unit(int(of.groups[k]), number) for number, k in enumerate(which)]
+    score = law_score(chosen, columns, of.noise, of.sums[np.array(which)], laws)
+    own = [Spread(law.mean, levels.variance, law.covariance) for law in laws]
+    tau_s, variance = time_constant_s(chosen, columns, of.noise, own), levels.variance
+    if tau_s < np.median([len(run) for run in chosen]) * WINDOW_S:
+        moving = moving_variance(chosen, columns, of.noise, own, levels.prior)
+        variance = np.maximum(variance, moving)
     wide = np.maximum(variance, levels.known.wide())
     units = levels.units
     one = levels.of_unit(units[0])
@@ -269,20 +280,49 @@ def _law(of: _Learning, judged: RunsJudged) -> RunLaw:
     )
     scaled = covariance * of.scale[:, None] * of.scale
     lower = tuple(tuple(map(float, row[: k + 1])) for k, row in enumerate(scaled))
-    chosen = [of.runs[k] for k in which]
-    columns = [of.of(k) for k in which]
-    laws = [levels.of_unit(int(of.groups[k]), number) for number, k in enumerate(which)]
-    score = law_score(chosen, columns, of.noise, of.sums[np.array(which)], laws)
-    own = [Spread(law.mean, variance, law.covariance) for law in laws]
-    tau_s = time_constant_s(chosen, columns, of.noise, own)
+    moved = [replace(law, variance=variance) for law in laws]
     return RunLaw(
         terms, _noise_rows(of.columns, of.noise), lower, len(which), len(units), tau_s, score,
-        _feigned(of.faults, judged.feigned),
+        _feigned(of.faults, judged.feigned, begun_sizes(of, which, moved)),
     )  # fmt: skip
 
 
-def _feigned(faults: FaultColumns, found: Array) -> tuple[FeignedSize, ...]:
-    rows = np.column_stack((found[0], np.sqrt(found[1:]).T)).tolist()
+def begun_sizes(of: _Learning, which: Sequence[int], laws: Sequence[Spread]) -> Array:
+    """Variance of each fault's size that begins within these recordings, shape (faults,).
+
+    Recordings drift and step while they are healthy, as after a start in the cold.
+    """
+    count, sizes, errors = len(of.columns), [], []
+    for k, law in zip(which, laws, strict=True):
+        own, run = of.of(k), of.runs[k]
+        near = np.append(law.mean + law.posterior(of.sums[k])[0], np.zeros(len(of.faults)))
+        onsets = [int(share * len(run)) for share in ONSETS]
+        both = [np.concatenate((own, of.faults.of(run, onset)), axis=-1) for onset in onsets]
+        for white in of.noise.whitened_all([run] * len(both), both):
+            every = RunSums.of(white.bounded(near))
+            size, error = begun_size(every.beside(np.append(law.mean, near[count:])), law, count)
+            sizes.append(size)
+            errors.append(error)
+    square = np.square(sizes) / errors
+    scale = np.median(errors, axis=0)
+    prior = VariancePrior(np.where(np.isfinite(scale), scale, 1.0), np.ones(len(scale), dtype=bool))
+    return KnownVariance(square, 1.0 / np.array(errors), prior).likely()
+
+
+def begun_size(sums: RunSums, law: Spread, count: int) -> tuple[Array, Array]:
+    """Size of each fault by itself and its variance, what recordings differ by integrated out."""
+    own, mixed = sums.gram[:count, :count], sums.gram[count:, :count]
+    kept = np.linalg.inv(np.linalg.inv(np.diag(law.variance) + law.covariance) + own)
+    explained, alone = mixed @ kept, np.diag(sums.gram)[count:]
+    gain = alone - np.einsum("ij,ij->i", explained, mixed)
+    told = gain > LEAST_GAIN * alone
+    pull = sums.cross[count:] - explained @ sums.cross[:count]
+    gain = np.where(told, gain, 1.0)
+    return np.where(told, pull / gain, 0.0), np.where(told, 1.0 / gain, np.inf)
+
+
+def _feigned(faults: FaultColumns, found: Array, begun: Array) -> tuple[FeignedSize, ...]:
+    rows = np.column_stack((found[0], np.sqrt(found[1:]).T, np.sqrt(begun))).tolist()
     return tuple(
         FeignedSize(column.fault, column.size, *row)
         for column, row in zip(faults.columns, rows, strict=True)

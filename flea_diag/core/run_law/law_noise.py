@@ -40,8 +40,9 @@ BOUND = 3.0
 """Standard deviations beyond which a window counts less: of normal noise 0.3 % are."""
 SHARED = 0.05
 """Correlation between two relations below which none is taken into account."""
-LASTING = 10
-"""Windows, 2 s, in which faults are told: what is left in white adds up over them to no more."""
+LASTING = (10, 50)
+"""Windows, 2 s and 10 s, in which faults are told: what is left in white adds up over them to no
+more."""
 TOGETHER = 50
 """Recordings that are whitened side by side: memory is bounded by them."""
 LEAST_WINDOWS = 50
@@ -199,7 +200,7 @@ def calibrated(
     """The same noise by how it grows with the motion, so that what is left is as large as it says.
 
     That is in single windows, far-out ones counting less, or where they add up to more over
-    ``LASTING`` windows, in these.
+    one of ``LASTING`` windows, in these.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def calibrated(
     ]
     counts, count = k.sum(axis=0), np.maximum(k.sum(axis=0) - unknowns, 1.0)
     square = np.square(np.concatenate(white)).sum(axis=0) / count / WITHIN
-    square *= np.maximum(_lasting(white), 1.0)
+    square *= np.max([np.ones(e.shape[1]), *(_lasting(white, n) for n in LASTING)], axis=0)
     found = np.where(counts >= LEAST_WINDOWS, np.sqrt(np.maximum(square, 1e-12)), 1.0)
     return noise.scaled(found)
 
@@ -235,12 +236,12 @@ def _of_motion(e: Array, known: Flags, motion: Array) -> Array:
     return motion_variances(np.square(e[known]), motion[known], BOUND**2)
 
 
-def _lasting(white: Sequence[Array]) -> Array:
-    """Mean square of sums over ``LASTING`` windows, over that of windows that are independent.
+def _lasting(white: Sequence[Array], windows: int) -> Array:
+    """Mean square of sums over so many windows, over that of windows that are independent.
 
     Less one standard error: so much may be chance.
     """
-    parts = [e[: len(e) // LASTING * LASTING].reshape(-1, LASTING, e.shape[1]) for e in white]
+    parts = [e[: len(e) // windows * windows].reshape(-1, windows, e.shape[1]) for e in white]
     every = np.concatenate(parts)
     squares = np.square(every).sum(axis=(0, 1))
     ratio = np.square(every.sum(axis=1)).sum(axis=0) / np.maximum(squares, 1e-300)

@@ -84,6 +84,7 @@ class FeignedSize(Frozen):
 
     ``sigma`` is by how much it scatters beyond what the noise of a recording explains,
     ``claim_sigma`` what a fault from before the recording is held against; 0: ``sigma``.
+    ``onset_sigma`` is the scatter of what begins within a healthy recording; 0: not known.
     """
 
     fault: str
@@ -91,6 +92,12 @@ class FeignedSize(Frozen):
     mean: float
     sigma: NotNegative
     claim_sigma: NotNegative = 0.0
+    onset_sigma: NotNegative = 0.0
+
+    @property
+    def begun_sigma(self) -> float:
+        """What a fault that begins within a recording is held against."""
+        return max(self.sigma, self.onset_sigma)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,9 +27,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.run_law.law_noise import LawNoise
-from flea_diag.core.run_law.restricted_likelihood import Spread
+from flea_diag.core.run_law.restricted_likelihood import Spread, run_variance
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows
+from flea_diag.core.run_law.variance_prior import VariancePrior
 
 Array = npt.NDArray[np.float64]
 
@@ -59,6 +60,24 @@ def time_constant_s(
     variance = spreads[0].variance
     nats = np.array([sum(_log_density(p, variance, tau) for p in pieces) for tau in TAUS_S])
     return float(next(t for t, n in zip(TAUS_S, nats, strict=True) if n > nats.max() - WITHIN_NATS))
+
+
+def moving_variance(
+    runs: Sequence[RunWindows], columns: Sequence[Array], noise: LawNoise,
+    spreads: Sequence[Spread], prior: VariancePrior,
+) -> Array:  # fmt: skip
+    """Variance of a process that moves within each recording, shape (columns,).
+
+    Of pieces about the mean of their unit: a whole recording is a mean over what has moved in it.
+    """
+    every = [
+        piece
+        for run, x, spread in zip(runs, columns, spreads, strict=True)
+        for piece in _pieces(run, x, noise, spread.mean)
+    ]
+    units = np.zeros(len(every), dtype=np.intp)
+    known = np.diag(spreads[0].covariance)
+    return run_variance(RunSums.stacked(every), prior, known, units)
 
 
 def _pieces(run: RunWindows, x: Array, noise: LawNoise, mean: Array) -> list[RunSums]:

@@ -86,7 +86,7 @@ def visible_sizes(
         What a fault must exceed no fault by, and another one, nats.
     """
     errors = size_errors(law, columns, faults, runs)
-    feigned = np.array([(row.sigma, row.claim_sigma or row.sigma) for row in law.feigned])
+    feigned = np.array([(row.begun_sigma, row.claim_sigma or row.sigma) for row in law.feigned])
     begun, always = feigned.T if len(feigned) else np.zeros((2, 0))
     found = []
     for k, column in enumerate(faults.columns):

@@ -83,6 +83,7 @@ class EvidenceChain(ObserverChain):
             return len(block), ()
         taken = self.episode.take(self._records.block(block, output))
         results = output.results
+        results.z = results.z.copy()  # what the ledger of judgement goes on counting stays
         results.z[:, self._judged] += self.episode.z(len(block))
         results.k[:, self._judged] = self._limit
         return taken

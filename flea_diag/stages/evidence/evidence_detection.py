@@ -31,6 +31,7 @@ from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.evidence.sensor_modes import SensorKnowledge, SensorModes
 from flea_diag.stages.evidence.signs import signs
@@ -72,6 +73,8 @@ class EvidenceKnowledge(Frozen):
     judged
         Faults by which the relations may raise an alarm; what a dead sensor reads is told by its
         own test alone.
+    visible
+        Sizes of faults that the law can see.
     columns
         Makes the windows of one stream.
     """
@@ -81,6 +84,7 @@ class EvidenceKnowledge(Frozen):
     judged: frozenset[str]
     limits: EvidenceLimits
     sensors: SensorKnowledge
+    visible: tuple[VisibleSize, ...]
     columns: Callable[[], StreamColumns]
 
     @property

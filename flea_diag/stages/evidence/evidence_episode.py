@@ -51,6 +51,12 @@ class EvidenceEpisode(FaultEpisode):
         """Whether nothing is known of it yet: it was taken over."""
         return self.weighed is None
 
+    @property
+    def yields_to_vibration(self) -> bool:
+        """Whether no member vibrates: an alarm is then something else, as another unit's pit."""
+        left = self.isolation.alive()
+        return not (self.shared.opened_by_vibration or any(h.fault.vibration for h in left))
+
     def observe(self, record: Symbols, quadrants: Sequence[Quadrant]) -> None:
         """Signs are for those who read: what they say is in the evidence."""
         self.symbols = tuple((s.residual, s.magnitude, s.slope) for s in record.symbols)

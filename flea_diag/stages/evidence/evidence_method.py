@@ -18,9 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed, StreamHistory
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.isolation.detectability import unseen
+from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
@@ -49,7 +53,9 @@ class EvidenceMethod:
     ) -> None:  # fmt: skip
         self._e, self._k, self._p, self._stand = evidence, knowledge, parameters, stand
         self._models = evidence.hypotheses[0].signatures.models
-        self._faults = tuple(dict.fromkeys(evidence.faults))
+        symptoms = knowledge.effects.residuals.symptoms
+        never = unseen(knowledge.faults, evidence.visible, symptoms)
+        self._faults = tuple(f for f in dict.fromkeys(evidence.faults) if f not in never)
         # For advice alone: how motions would part the members.
         self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         self._renew()
@@ -58,6 +64,9 @@ class EvidenceMethod:
         """A new stream begins."""
         self._columns, self._history = self._e.columns(), StreamHistory()
         self._stamps, self._sensors = WindowStamps(), SensorModes(self._e.sensors)
+        effects, counts = self._k.effects, self._k.calibration.counts
+        self._jumps = JumpMemory(effects.names, effects.readings, counts)
+        self._jump_columns = len(effects.names) + len(effects.readings)
         self._begun, self._last_ns = 0, -1
         self._was_open = self._exchanged = False
 
@@ -91,7 +100,9 @@ class EvidenceMethod:
     def verdict(self) -> VerdictRecord:
         """By the evidence."""
         rules = EvidenceOutcome(self._k, self._p, self._models, self._e.relations)
-        return VerdictRecord(self._k, self._p, self._models, self._e.relations, rules)
+        return VerdictRecord(
+            self._k, self._p, self._models, self._e.relations, rules, self._e.visible
+        )
 
     def pass_by(self, record: Residual, quiet: bool) -> None:
         """Take a scan that is evaluated in no episode."""
@@ -132,7 +143,17 @@ class EvidenceMethod:
         since_s = (stamp_ns - episode.shared.detected_ns) / 1e9
         if episode.change.windows >= TOLD_WINDOWS or since_s >= self._p.settle_s:
             episode.settled = True
+        if episode.settled and episode.isolation.begins_with_jump:
+            self._require_jumps(stamp_ns, episode)
         return True
+
+    def _require_jumps(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """Drop errors of a reading that have begun within this run, and did not jump."""
+        shared = episode.shared
+        if not self._stand.is_early(shared.detected_ns):
+            until_ns = stamp_ns if shared.opened_by_vibration else shared.detected_ns
+            jumps = self._jumps.largest(shared.detected_ns, until_ns)
+            episode.isolation.require_jumps(stamp_ns, jumps)
 
     def _close(self) -> None:
         """No episode is open any more: what it rested on opens no other."""
@@ -146,6 +167,10 @@ class EvidenceMethod:
         """Windows that these scans complete, each with the number of its last scan."""
         if len(block) and int(block.stamps_ns[0]) <= self._last_ns:
             self._renew()
+        if len(block):
+            # Without the columns that only the law takes.
+            known = np.r_[: self._jump_columns, -2:0]
+            self._jumps.add(block.stamps_ns, block.regressors[:, known])
         begun = 0
         for number, window in self._columns.add(block):
             self._sensors.take(block, slice(begun, number + 1))

@@ -28,12 +28,12 @@ import numpy as np
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES
-from flea_diag.stages.baselines.sensor_alarms import STEP, SensorAlarms
+from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES, OWN_TESTS
 from flea_diag.stages.observer.detection_episode import QUIET
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import NEVER_NS
 
+STEP = "step"
 SHOWN_S = 1.0
 """Time after the first response in which a test of the same sensor shows what it is."""
 MOVED_S = 0.5
@@ -69,25 +69,44 @@ class SensorKnowledge(Frozen):
     period_s: float
 
 
-class SensorModes(SensorAlarms):
+class SensorModes:
     """Which tests of which sensors have responded, and the modes that fit; constant memory."""
 
     def __init__(self, knowledge: SensorKnowledge) -> None:
-        super().__init__(knowledge.tests, knowledge.faults)
         self._k = knowledge
+        self._seen: dict[tuple[str, str], str] = {}
         self._scans = 0
         self._moved = dict.fromkeys(knowledge.motion, 0)
+
+    def __bool__(self) -> bool:
+        """Whether any test has responded."""
+        return bool(self._seen)
 
     @property
     def faults(self) -> frozenset[str]:
         """Faults that one of these tests defines and can show: the relations tell all others."""
-        every, unseen = self._k.faults.items(), self._k.unseen
-        hidden = (name for name, f in every if f.mode == "dead" and f.channel in unseen)
-        return super().faults.difference(hidden)
+        defined = ((name, f) for name, f in self._k.faults.items() if f.mode in DEFINED_BY)
+        unseen = self._k.unseen
+        return frozenset(n for n, f in defined if f.mode != "dead" or f.channel not in unseen)
+
+    @property
+    def words(self) -> str:
+        """Channels and tests."""
+        return ", ".join(f"{channel}: {test}{sign}" for (channel, test), sign in self._seen.items())
 
     def take(self, block: ResidualBlock, scans: slice) -> int:
         """Look at some scans of a block: the first of the block beyond a limit, or its length."""
-        first = super().take(block, scans)
+        first = len(block)
+        z, limits = block.z[scans], block.thresholds[scans]
+        beyond = np.abs(z) > limits
+        for column in np.flatnonzero(beyond.any(axis=0)).tolist():
+            name = block.names[column]
+            if name in self._k.tests:
+                channel, _, test = name.rpartition("_")
+                key = (channel, test) if test in OWN_TESTS else (name, STEP)
+                at = int(beyond[:, column].argmax())
+                first, value = min(first, scans.start + at), z[at, column]
+                self._seen.setdefault(key, "+" if value > 0.0 else "-")
         if self:
             since = scans.start if self._scans else min(first, scans.stop)
             self._follow(block, slice(since, scans.stop))
@@ -109,7 +128,7 @@ class SensorModes(SensorAlarms):
 
     def _columns(self, block: ResidualBlock) -> list[int]:
         """Columns of these tests."""
-        return [k for k, name in enumerate(block.names) if name in self._tests]
+        return [k for k, name in enumerate(block.names) if name in self._k.tests]
 
     def _follow(self, block: ResidualBlock, scans: slice) -> None:
         """Count scans since the first response, and those in which a reading moves."""
@@ -120,7 +139,10 @@ class SensorModes(SensorAlarms):
 
     def possible(self) -> tuple[str, ...]:
         """Faults that fit what has responded, and have shown what defines them."""
-        fitting = self.allowed()
+        every = self._k.faults.items()
+        counts = {name: sum(_fits(f, *s) for s in self._seen.items()) for name, f in every}
+        most = max(counts.values(), default=0)
+        fitting = tuple(name for name, count in counts.items() if count == most > 0)
         return tuple(name for name in fitting if self._shows(self._k.faults[name])) or fitting
 
     def _shows(self, fault: Fault) -> bool:
@@ -132,8 +154,12 @@ class SensorModes(SensorAlarms):
             return True
         return any(self._seen.get((fault.channel, test)) == sign for test, sign in defining)
 
-    def _fits(self, fault: Fault, where: tuple[str, str], sign: str) -> bool:
-        """A step fits any mode that steps: its own test may still be to come."""
-        if where[1] == STEP:
-            return fault.channel == where[0] and fault.mode in JUMP_MODES
-        return super()._fits(fault, where, sign)
+
+def _fits(fault: Fault, where: tuple[str, str], sign: str) -> bool:
+    """Whether a mode makes this test respond so."""
+    channel, test = where
+    if fault.channel != channel:
+        return False
+    if test == STEP:  # its own test may still be to come
+        return fault.mode in JUMP_MODES
+    return OWN_TESTS[test].get(fault.mode, "0") in (sign, "*")

@@ -26,6 +26,7 @@ from itertools import takewhile
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -46,6 +47,7 @@ OTHER_RATE = (
 REMEDY = "calibrate on recordings of this unit"
 NAMING = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 NOT_ISOLATING = "innovation above threshold; no isolating residual yet"
+NOT_WEIGHED = "vibration outside its nominal range; no relation is weighed yet"
 EVIDENCE_LOST = "episode opened before observer and isolator restarted; its evidence is lost"
 AT_REST = "actuator at rest: motor and screw faults are observable only in motion"
 NO_DEVIATION = "no deviation"
@@ -116,7 +118,7 @@ class OutcomeRules:
         names = ", ".join(h.name for h in alive)
         what = f" ({episode.shared.opened_by})"
         if episode.awaits_symbols:
-            return Outcome.DETECTED, EVIDENCE_LOST if episode.shared.taken_over else NOT_ISOLATING
+            return Outcome.DETECTED, _awaited(episode.shared)
         if not alive:
             return Outcome.UNEXPLAINED, f"no fault of the catalogue explains the deviation{what}"
         if not episode.settled or episode.query.is_open(stamp_ns, self._patience_ns):
@@ -170,3 +172,10 @@ class OutcomeRules:
         unjudged = stand.unjudged.words()
         limits = f" in what was judged; not judged in the last 10 s: {unjudged}"
         return Outcome.NOMINAL, NO_DEVIATION + (limits if unjudged else "")
+
+
+def _awaited(shared: Episode) -> str:
+    """Why nothing is known of an episode yet."""
+    if shared.taken_over:
+        return EVIDENCE_LOST
+    return NOT_WEIGHED if shared.opened_by_vibration else NOT_ISOLATING

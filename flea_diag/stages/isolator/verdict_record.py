@@ -20,14 +20,19 @@ import math
 from collections.abc import Collection, Sequence
 
 from flea_diag.core.faults.response import to_do
+from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.isolation.detectability import (
+    TOO_WIDE,
+    UNDETECTABLE,
     shows_from,
     undetectable,
+    unseen,
     unseen_by_limits,
     without_relation,
 )
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.errors import shown
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
@@ -47,15 +52,8 @@ from flea_diag.wire.records import (
 
 LATE_S = 2.0
 """A later first scan than this after the start of the stand is remarked on."""
-UNDETECTABLE = (
-    "not detectable at any size with these sensors; a second sensor of the same quantity would "
-    "show it"
-)
 NO_RELATION = (
     "in no relation of these channels: 'flea stand check' names the sensor that would show it"
-)
-TOO_WIDE = (
-    "no size of the catalogue reaches a limit of this calibration: record more nominal running"
 )
 RESUMED = "; isolator restarted in this episode: its group goes on, the evidence begins anew"
 NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
@@ -71,6 +69,7 @@ class VerdictRecord:
         models: Sequence[FaultModel],
         quantified: Collection[str],
         rules: OutcomeRules | None = None,
+        by_law: Sequence[VisibleSize] = (),
     ) -> None:
         self._k = knowledge
         self._source = parameters.source
@@ -78,14 +77,11 @@ class VerdictRecord:
         faults, calibration = knowledge.faults, knowledge.calibration
         symptoms = knowledge.effects.residuals.symptoms
         self._without_relation = without_relation(faults, self._models, calibration)
-        silent = undetectable(faults, self._models, calibration, symptoms)
-        visible = calibration.law.visible if calibration.law else ()
-        blind = (n for n in unseen_by_limits(visible) if n in faults and n not in silent)
-        self._undetectable = (
-            *((name, UNDETECTABLE) for name in silent),
-            *((name, TOO_WIDE) for name in blind if not faults[name].vibration),
-        )
-        self._shows_from = shows_from(visible)
+        self._undetectable = self._unseen(by_law, symptoms)
+        shown = by_law or (calibration.law.visible if calibration.law else ())
+        modelled = {model.fault for model in self._models}
+        known = [row for row in shown if row.fault in modelled]
+        self._shows_from = shows_from(known, bool(by_law))
         self._tests = tests_of_faults(
             faults, self._models, calibration, knowledge.effects.residuals
         )
@@ -94,6 +90,21 @@ class VerdictRecord:
         self._supported_per_hour = promise.supported_per_hour
         self._rules = rules or OutcomeRules(knowledge, parameters, self._models, quantified)
         self._advice = Advice(knowledge, parameters, self._models)
+
+    def _unseen(
+        self, by_law: Sequence[VisibleSize], symptoms: SensorSymptoms
+    ) -> tuple[tuple[str, str], ...]:
+        """Faults that these sensors do not show, by the law or by the limits of every residual."""
+        faults, calibration = self._k.faults, self._k.calibration
+        if by_law:
+            return tuple(unseen(faults, by_law, symptoms).items())
+        silent = undetectable(faults, self._models, calibration, symptoms)
+        visible = calibration.law.visible if calibration.law else ()
+        blind = (n for n in unseen_by_limits(visible) if n in faults and n not in silent)
+        return (
+            *((name, UNDETECTABLE) for name in silent),
+            *((name, TOO_WIDE) for name in blind if not faults[name].vibration),
+        )
 
     def outcome(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:
         """Outcome and its words."""

@@ -184,7 +184,7 @@ def _only_law(
     from flea_diag.tools.calibrate.recording_checks import check_recordings
 
     check_recordings(recordings, described(stand.actuator), stand.actuator)
-    calibration = learned(replace(stand, calibration=path))
+    calibration = learned(replace(stand, calibration=path.absolute()))
     law = LawOfRecordings.of(calibration, stand.actuator, stand.faults, recordings, sharing)
     for name, reason in law.unlike.items():
         warn(f"{name}: unlike the others, so the law is learned without it: {reason}")

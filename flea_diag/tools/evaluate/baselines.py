@@ -135,17 +135,6 @@ def _limits(setting: Setting) -> Stage:
     return LimitCheckStage(_channel_limits(setting.nominal), known.faults)
 
 
-def _likelihood_ratio(setting: Setting) -> Stage:
-    from flea_diag.tools.evaluate.ratio_learning import ratio_baseline
-
-    if len(setting.nominal) < 2:
-        raise ConfigurationError(
-            "likelihood ratios need two nominal bags or more to learn noise and limits from: name "
-            "some under `learn_from` in the campaign"
-        )
-    return WithoutVibration(ratio_baseline(setting.stand, setting.nominal).stage())
-
-
 def _evidence(setting: Setting) -> Stage:
     from flea_diag.configuration.component import evidence_pipeline
     from flea_diag.tools.evaluate.evidence import evidence_stand
@@ -199,11 +188,6 @@ BASELINES: dict[str, Baseline] = {
         ),
         Baseline("structural", "residuals that react, without signs or features", _structural),
         Baseline("limit_checks", "each channel against its nominal extremes", _limits),
-        Baseline(
-            "likelihood_ratio",
-            "the largest marginal likelihood ratio over faults and onsets, and tests of sensors",
-            _likelihood_ratio,
-        ),
         Baseline(
             "evidence",
             "one evidence by the law of healthy recordings, and tests of sensors",

@@ -259,6 +259,21 @@ def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
     assert (since.healthy[:2] == 0.0).all()
 
 
+def test_what_begins_in_healthy_recordings_is_held_against_an_onset_alone() -> None:
+    nats = []
+    for onset_sigma in (0.0, 2.0):
+        feigned = (FeignedSize("drag", "bias", 0.0, 0.1, 0.1, onset_sigma),)
+        law = replace(LAW, feigned=feigned)
+        signatures = signatures_of(MODELS, SIGNALS, law)
+        known = StreamHypotheses.of(law, columns(), signatures, Friction(NOTHING_HELD, 2, 0.0))
+        values = drawn(60, seed=6)
+        values[20:, 1] += 1.6 * np.sin(0.4 * np.arange(20, 60))
+        whole, since = (FaultEvidence(known, k, windows(values)).weighed() for k in (0, 20))
+        nats.append((float(whole.healthy[2]), float(since.healthy[2])))
+    assert nats[1][0] == nats[0][0]
+    assert nats[1][1] > nats[0][1] + 10.0
+
+
 def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     draw = np.random.default_rng(4)
     names = ("one", "current", "load", "way", "second: current", "place")

@@ -24,6 +24,7 @@ from support.models.law_design import COLUMNS, FAULTS, recording, recordings
 
 from flea_diag.core.run_law.law_learning import learn_law
 from flea_diag.core.run_law.run_law import RunLaw
+from flea_diag.core.run_law.run_windows import RunWindows
 from flea_diag.core.run_law.visible_sizes import visible_sizes
 from flea_diag.fields.reader import read_as
 
@@ -213,3 +214,34 @@ def test_a_relation_that_is_noisy_in_one_motion_of_every_unit_is_kept():
     fit = law_of(runs)
     assert not fit.noisy
     assert not any(np.isnan(run.values).any() for run in fit.sound)
+
+
+def stepping(rng: np.random.Generator, count: int, step: float) -> list[RunWindows]:
+    """Healthy recordings whose drag steps by so much, up or down, half way."""
+    made = []
+    for k in range(count):
+        run = recording(rng, (0.3 * rng.standard_normal(), 0.0), windows=240, name=f"run_{k}")
+        values = run.values.copy()
+        values[120:] += (-1) ** k * step * run.signals[120:, :, 2] * [1.0, 0.0]
+        made.append(replace(run, values=values))
+    return made
+
+
+@pytest.mark.slow
+def test_what_begins_within_healthy_recordings_is_known_as_that():
+    steady = law_of(recordings(np.random.default_rng(8), 24)).law
+    unsteady = law_of(stepping(np.random.default_rng(8), 24, 0.6)).law
+    (still, _), (moved, _) = steady.feigned, unsteady.feigned
+    assert still.onset_sigma < 0.1
+    assert 0.3 < moved.onset_sigma < 1.0
+    sizes = [visible_sizes(law, COLUMNS, FAULTS, recordings(np.random.default_rng(9), 8), 10.0, 3.5)
+             for law in (steady, unsteady)]  # fmt: skip
+    assert sizes[1][0].onset > 2.0 * sizes[0][0].onset
+
+
+@pytest.mark.slow
+def test_what_moves_within_a_recording_is_as_large_as_it_is_at_any_time():
+    """A whole recording is a mean over it: of one that steps to the other side it is nothing."""
+    law = law_of(stepping(np.random.default_rng(10), 24, 3.0)).law
+    assert law.time_constant_s < 240 * 0.2
+    assert law.terms[0].run_sigma > 1.0

@@ -21,7 +21,9 @@ import math
 import numpy as np
 import pytest
 
-from flea_diag.core.run_law.law_noise import BOUND, LawNoise, calibrated, learned_noise
+from flea_diag.configuration.calibrations import law_of
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.run_law.law_noise import BOUND, LASTING, LawNoise, calibrated, learned_noise
 from flea_diag.core.run_law.motion_noise import ANY_MOTION, with_rest
 from flea_diag.core.run_law.run_windows import (
     BY_PLACE,
@@ -133,9 +135,15 @@ def test_what_adds_up_counts_as_much_as_it_adds_up_to():
     values = [np.column_stack((rng.standard_normal(150), coloured(rng, 150))) for _ in range(40)]
     known, motion = np.ones((150, 2), dtype=bool), np.zeros((150, len(MOTIONS)))
     noise = calibrated(quiet(), values, [known] * 40, [motion] * 40, np.zeros(2))
-    sums = np.concatenate([v.reshape(-1, 10, 2).sum(axis=1) for v in values])
+    sums = {
+        n: np.concatenate([v.reshape(-1, n, 2).sum(axis=1) for v in values])[:, 1] for n in LASTING
+    }
+    # Less one standard error of each.
+    lasting = max(
+        each.std() / np.sqrt(n * (1.0 + np.sqrt(2.0 / len(each)))) for n, each in sums.items()
+    )
     assert noise.sigma[0] == pytest.approx(1.0, abs=0.1)
-    assert noise.sigma[1] == pytest.approx(sums[:, 1].std() / np.sqrt(10.0), abs=0.1)
+    assert noise.sigma[1] == pytest.approx(lasting, abs=0.1)
     assert noise.sigma[1] > 1.8
 
 
@@ -185,3 +193,8 @@ def test_how_a_machine_moves_is_told_from_window_to_window():
         [[1, 0, 0, 0, 0], [1, 49, 0, 0, 0], [0, 0, 4, 4, 4], [0, 0, 9, 1, 1]],
     )
     assert np.isfinite(WindowMotion().step(*np.full((3, 5), np.nan))).all()
+
+
+def test_a_balance_of_power_holds_a_push_that_no_channel_reads():
+    stand = load_stand("cranfield")
+    assert "parity_power: d_actuator_position" in [t.name for t in law_of(stand).terms]

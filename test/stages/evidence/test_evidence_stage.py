@@ -102,6 +102,20 @@ def test_a_wrong_sensor_is_named(
     assert list(groups(records(lying(channel, change))))[-1] == {fault}
 
 
+def test_a_load_that_no_sensor_feels_is_no_bias_of_the_load_cell() -> None:
+    """The cell and what it does not feel are one in the balance, but only a bias is a jump."""
+
+    def load(t: float) -> float:
+        return 60.0 + 40.0 * math.sin(1.3 * t) + (150.0 if t >= ONSET_S else 0.0)
+
+    columns = ema.noisy(ema.run(seconds=24.0, load=load), 60)
+    columns["load_force"][round(ONSET_S * 100) :] -= 150.0
+    last = [r for r in records(columns) if isinstance(r, AmbiguityGroup)][-1]
+    assert (last.outcome, last.members) == (Outcome.UNEXPLAINED, ())
+    (bias,) = (row for row in last.dropped if row.fault == "load_force_bias")
+    assert "has jumped by" in bias.reason
+
+
 def test_another_healthy_unit_is_said_and_is_no_fault() -> None:
     """All that units differ by at once, within the tolerances of the description."""
     said = records(

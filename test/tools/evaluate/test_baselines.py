@@ -84,7 +84,7 @@ def test_a_table_without_signs_keeps_what_is_connected(cell: FaultSignature, sym
     assert (_any_sign(cell).order, _any_sign(cell).path) == (cell.order, cell.path)
 
 
-@pytest.mark.parametrize("name", ["limit_checks", "likelihood_ratio"])
+@pytest.mark.parametrize("name", ["limit_checks"])
 def test_what_learns_from_nominal_bags_is_refused_without(name: str) -> None:
     with pytest.raises(ConfigurationError, match=r"need .*nominal bags.* to learn"):
         baseline(name).make(Setting(load_stand()))

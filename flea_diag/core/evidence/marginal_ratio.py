@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import log_ndtr
 
-from flea_diag.core.likelihood_ratio.fault_signatures import SizePrior
+from flea_diag.core.evidence.fault_signatures import SizePrior
 
 Array = npt.NDArray[np.float64]
 

@@ -15,8 +15,7 @@
 """Signatures of all fault models in the windows of a stand, and the prior of their sizes.
 
 A size is uniform a priori between its bounds, taken as a normal distribution of the same mean and
-variance that is cut there. A size without an upper bound reaches to where one window shows it by
-``WIDE`` standard deviations.
+variance that is cut there. How far a size without a bound reaches is given.
 """
 
 from __future__ import annotations
@@ -32,11 +31,9 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
 
-WIDE = 100.0  # assumption
 ONE = "one"
 
 
@@ -55,19 +52,17 @@ class FaultSignatures:
     """Models of equal numbers of sizes: what a model lacks has no effect.
 
     ``design``, shape (residuals, signals, models * sizes), is what one unit of each size adds to
-    each residual, as factors of the basis signals, and ``units``, shape (residuals, signals,
-    differences), what healthy units differ by; ``reach`` is that of sizes without a bound.
+    each residual, as factors of the basis signals; ``reach`` is that of sizes without a bound.
     """
 
     models: tuple[FaultModel, ...]
     design: Array
-    units: Array
     elapsed: int
     reach: Array
 
     @classmethod
     def of(
-        cls, models: Sequence[FaultModel], residuals: Sequence[str], basis: Basis, units: Array
+        cls, models: Sequence[FaultModel], residuals: Sequence[str], basis: Basis
     ) -> FaultSignatures:
         """Signatures in these residuals; ages of a drift and rough variants are left out.
 
@@ -89,7 +84,7 @@ class FaultSignatures:
                 design[place] += term.gain
         elapsed = basis.column[str(ELAPSED)]
         flat = design.reshape(*design.shape[:2], -1)
-        return cls(kept, flat, units, elapsed, np.full((len(kept), sizes), np.inf))
+        return cls(kept, flat, elapsed, np.full((len(kept), sizes), np.inf))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -104,31 +99,6 @@ class FaultSignatures:
         """
         added = np.matmul(regressors[:, None, :], self.design)[:, 0]
         return added, self.design[:, self.elapsed]
-
-    def differences(self, regressors: Array, windows: int) -> Array:
-        """What a unit adds to each residual, shape (residuals, differences).
-
-        ``windows`` after the start of the stream: since then its parts heat up in their own way.
-        """
-        since_s = (windows + 0.5) * WINDOW_S
-        added = np.matmul(regressors[:, None, :], self.units)[:, 0]
-        return np.asarray(added + since_s * self.units[:, self.elapsed])
-
-    @property
-    def least_walk(self) -> Array:
-        """Variance of the walk of each residual in one window, shape (residuals,).
-
-        How a part heats up wanders by the tolerance of it: a few recordings of one day show less.
-        """
-        return np.asarray(np.square(WINDOW_S * self.units[:, self.elapsed]).sum(axis=-1))
-
-    def reaching(self, squares: Array) -> FaultSignatures:
-        """The same; ``squares``, shape (models * sizes,): mean square of one unit of each size.
-
-        In variances of the noise of one window.
-        """
-        reach = WIDE / np.sqrt(np.maximum(squares, 1e-300))
-        return replace(self, reach=reach.reshape(self.shape))
 
     @cached_property
     def prior(self) -> SizePrior:

@@ -21,8 +21,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from flea_diag.core.likelihood_ratio.fault_signatures import SizePrior
-from flea_diag.core.likelihood_ratio.marginal_ratio import Sums, marginal_ratio, posterior_mean
+from flea_diag.core.evidence.fault_signatures import SizePrior
+from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio, posterior_mean
 
 ROWS, UNITS, MODELS, SIZES = 14, 3, 2, 2
 DRAW = np.random.default_rng(5)
