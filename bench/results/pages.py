@@ -96,9 +96,10 @@ PAGES = (
         "One statistic instead of many tests",
         "The diagnosis (`hybrid`) allows for what a unit is in five places. A baseline, "
         "`likelihood_ratio`, had one: the largest marginal likelihood ratio over faults and "
-        "onsets, with the unit and a drifting level integrated out, beside the tests of single sensors. "
-        "The evidence ([Method](../method.md#one-evidence-by-the-law-of-healthy-recordings)) has "
-        "taken its place. Both "
+        "onsets, with the unit and a drifting level integrated out, beside the tests of single "
+        "sensors. The evidence "
+        "([Method](../method.md#one-evidence-by-the-law-of-healthy-recordings)) has taken its "
+        "place. Both "
         "diagnose the same runs; of two numbers in a cell the first is of the baseline. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
