@@ -225,7 +225,7 @@ ARROWS = {
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
-        "evidence": ("baselines", "observer", "isolator", "stream"),
+        "evidence": ("observer", "isolator"),
     },
     "flea_diag.wire": {
         "": (),

@@ -121,9 +121,16 @@ class StreamHypotheses(Frozen):
         ``from_before``, shape (...): the onset is the start of the stream. What a whole recording
         differs by may look like any fault, as likely as another: there their mean counts, too.
         """
-        whole, begun = (np.maximum(marginal_ratio(sums, prior), 0.0) for prior in self.feigned)
+        of_whole, of_onset = self.feigned
+        before = np.asarray(from_before)[..., None]
+        begun = np.maximum(marginal_ratio(sums, of_onset), 0.0)
+        if not before.any():
+            return begun
+        whole = begun
+        if of_whole is not of_onset:
+            whole = np.maximum(marginal_ratio(sums, of_whole), 0.0)
         mean = np.logaddexp.reduce(whole, axis=-1, keepdims=True) - math.log(whole.shape[-1])
-        return np.where(np.asarray(from_before)[..., None], np.maximum(whole, mean), begun)
+        return np.where(before, np.maximum(whole, mean), begun)
 
     def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
         """What one unit of each size adds, and for each second, shape (relations, sizes).
@@ -183,7 +190,10 @@ def signatures_of(
 
 
 def _feigned(law: RunLaw, signatures: FaultSignatures) -> tuple[SizePrior, SizePrior]:
-    """Sizes of every model that healthy recordings feign, as a whole and from an onset on."""
+    """Sizes of every model that healthy recordings feign, as a whole and from an onset on.
+
+    One prior for both where the law knows nothing of onsets.
+    """
     known = {(r.fault, r.size): (r.mean, r.sigma, r.begun_sigma) for r in law.feigned}
     rows = np.zeros((3, *signatures.shape))
     for k, model in enumerate(signatures.models):
@@ -191,7 +201,8 @@ def _feigned(law: RunLaw, signatures: FaultSignatures) -> tuple[SizePrior, SizeP
             rows[:, k, i] = known.get((model.fault, size.name), (0.0, 0.0, 0.0))
     free = np.full(signatures.shape, np.inf)
     mean, whole, begun = rows
-    return SizePrior(mean, whole, -free, free), SizePrior(mean, begun, -free, free)
+    prior = SizePrior(mean, whole, -free, free)
+    return prior, prior if (whole == begun).all() else replace(prior, sigma=begun)
 
 
 def session_variance(columns: LawColumns) -> Array:

@@ -39,7 +39,7 @@ from flea_diag.core.run_law.law_noise import (
 )
 from flea_diag.core.run_law.law_score import law_score
 from flea_diag.core.run_law.restricted_likelihood import Spread
-from flea_diag.core.run_law.run_defects import LEAST_GAIN, Candidates, UnsoundRun
+from flea_diag.core.run_law.run_defects import Candidates, UnsoundRun, sizes_beside
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw
 from flea_diag.core.run_law.run_sums import RunSums
 from flea_diag.core.run_law.run_windows import WINDOW_S, RunWindows
@@ -300,25 +300,14 @@ def begun_sizes(of: _Learning, which: Sequence[int], laws: Sequence[Spread]) -> 
         both = [np.concatenate((own, of.faults.of(run, onset)), axis=-1) for onset in onsets]
         for white in of.noise.whitened_all([run] * len(both), both):
             every = RunSums.of(white.bounded(near))
-            size, error = begun_size(every.beside(np.append(law.mean, near[count:])), law, count)
-            sizes.append(size)
-            errors.append(error)
+            found = sizes_beside(every.beside(np.append(law.mean, near[count:])), law, count)
+            told = np.isfinite(found.size[count:])
+            sizes.append(np.where(told, found.size[count:], 0.0))
+            errors.append(np.where(told, found.variance[count:], np.inf))
     square = np.square(sizes) / errors
     scale = np.median(errors, axis=0)
     prior = VariancePrior(np.where(np.isfinite(scale), scale, 1.0), np.ones(len(scale), dtype=bool))
     return KnownVariance(square, 1.0 / np.array(errors), prior).likely()
-
-
-def begun_size(sums: RunSums, law: Spread, count: int) -> tuple[Array, Array]:
-    """Size of each fault by itself and its variance, what recordings differ by integrated out."""
-    own, mixed = sums.gram[:count, :count], sums.gram[count:, :count]
-    kept = np.linalg.inv(np.linalg.inv(np.diag(law.variance) + law.covariance) + own)
-    explained, alone = mixed @ kept, np.diag(sums.gram)[count:]
-    gain = alone - np.einsum("ij,ij->i", explained, mixed)
-    told = gain > LEAST_GAIN * alone
-    pull = sums.cross[count:] - explained @ sums.cross[:count]
-    gain = np.where(told, gain, 1.0)
-    return np.where(told, pull / gain, 0.0), np.where(told, 1.0 / gain, np.inf)
 
 
 def _feigned(faults: FaultColumns, found: Array, begun: Array) -> tuple[FeignedSize, ...]:

@@ -136,7 +136,7 @@ def defects_of(
     return odds, usual
 
 
-class _Sizes(NamedTuple):
+class Sizes(NamedTuple):
     """Size of every column and fault by itself, its variance, and the share of noise alone in it.
 
     NaN where a direction cannot be told from what recordings differ by.
@@ -154,10 +154,14 @@ class UsualSizes(NamedTuple):
     known: KnownVariance
 
 
-def _sizes(of: Candidates, k: int, law: Spread) -> _Sizes:
-    """All that recordings differ by integrated out."""
-    count = len(of.columns)
+def _sizes(of: Candidates, k: int, law: Spread) -> Sizes:
+    """Of one recording."""
     every = of.sums[k].beside(np.concatenate((law.mean, np.zeros(len(of.faults)))))
+    return sizes_beside(every, law, len(of.columns))
+
+
+def sizes_beside(every: RunSums, law: Spread, count: int) -> Sizes:
+    """All that recordings differ by, the first so many columns, integrated out."""
     own, mixed = every.gram[:count, :count], every.gram[:, :count]
     kept = np.linalg.inv(np.linalg.inv(np.diag(law.variance) + law.covariance) + own)
     explained = mixed @ kept
@@ -165,10 +169,10 @@ def _sizes(of: Candidates, k: int, law: Spread) -> _Sizes:
     gain = alone - np.einsum("ij,ij->i", explained, mixed)
     gain = np.where(gain > LEAST_GAIN * alone, gain, np.nan)
     pull = every.cross - explained @ every.cross[:count]
-    return _Sizes(pull / gain, 1.0 / gain, 1.0 / np.where(alone > 0.0, alone, np.inf))
+    return Sizes(pull / gain, 1.0 / gain, 1.0 / np.where(alone > 0.0, alone, np.inf))
 
 
-def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> UsualSizes:
+def _usual_sizes(sizes: Sequence[Sizes], sound: Flags) -> UsualSizes:
     """What sound recordings feign of each direction beyond what the noise of one explains.
 
     A signal that carries the noise of its own relation feigns a share of itself (errors in
@@ -187,7 +191,7 @@ def _usual_sizes(sizes: Sequence[_Sizes], sound: Flags) -> UsualSizes:
 
 
 def _defect(
-    of: Candidates, k: int, law: Spread, sizes: _Sizes, centre: Array, feigned: Array
+    of: Candidates, k: int, law: Spread, sizes: Sizes, centre: Array, feigned: Array
 ) -> UnsoundRun:
     found = list(_directions(of, k, sizes, centre, feigned))
     if not found:
@@ -203,7 +207,7 @@ def _defect(
 
 
 def _directions(
-    of: Candidates, k: int, sizes: _Sizes, centre: Array, feigned: Array
+    of: Candidates, k: int, sizes: Sizes, centre: Array, feigned: Array
 ) -> Iterator[UnsoundRun]:
     """Each column and each fault by itself."""
     entries = [

@@ -35,7 +35,12 @@ from flea_diag.stages.evidence.sensor_modes import SensorModes
 from flea_diag.stages.evidence.stream_evidence import of_change
 from flea_diag.stages.evidence.window_stamps import WindowStamps
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.likelihood_method import evidence_of_scans, isolation_of, query_of
+from flea_diag.stages.isolator.likelihood_method import (
+    evidence_of_scans,
+    isolation_of,
+    query_of,
+    require_jumps,
+)
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus
@@ -56,6 +61,9 @@ class EvidenceMethod:
         symptoms = knowledge.effects.residuals.symptoms
         never = unseen(knowledge.faults, evidence.visible, symptoms)
         self._faults = tuple(f for f in dict.fromkeys(evidence.faults) if f not in never)
+        effects = knowledge.effects
+        # Without those that only the law takes, which stand before the last two.
+        self._jump_columns = np.r_[: len(effects.names) + len(effects.readings), -2:0]
         # For advice alone: how motions would part the members.
         self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         self._renew()
@@ -66,7 +74,6 @@ class EvidenceMethod:
         self._stamps, self._sensors = WindowStamps(), SensorModes(self._e.sensors)
         effects, counts = self._k.effects, self._k.calibration.counts
         self._jumps = JumpMemory(effects.names, effects.readings, counts)
-        self._jump_columns = len(effects.names) + len(effects.readings)
         self._begun, self._last_ns = 0, -1
         self._was_open = self._exchanged = False
 
@@ -143,17 +150,8 @@ class EvidenceMethod:
         since_s = (stamp_ns - episode.shared.detected_ns) / 1e9
         if episode.change.windows >= TOLD_WINDOWS or since_s >= self._p.settle_s:
             episode.settled = True
-        if episode.settled and episode.isolation.begins_with_jump:
-            self._require_jumps(stamp_ns, episode)
+        require_jumps(stamp_ns, episode, self._jumps, self._stand)
         return True
-
-    def _require_jumps(self, stamp_ns: int, episode: FaultEpisode) -> None:
-        """Drop errors of a reading that have begun within this run, and did not jump."""
-        shared = episode.shared
-        if not self._stand.is_early(shared.detected_ns):
-            until_ns = stamp_ns if shared.opened_by_vibration else shared.detected_ns
-            jumps = self._jumps.largest(shared.detected_ns, until_ns)
-            episode.isolation.require_jumps(stamp_ns, jumps)
 
     def _close(self) -> None:
         """No episode is open any more: what it rested on opens no other."""
@@ -168,9 +166,7 @@ class EvidenceMethod:
         if len(block) and int(block.stamps_ns[0]) <= self._last_ns:
             self._renew()
         if len(block):
-            # Without the columns that only the law takes.
-            known = np.r_[: self._jump_columns, -2:0]
-            self._jumps.add(block.stamps_ns, block.regressors[:, known])
+            self._jumps.add(block.stamps_ns, block.regressors[:, self._jump_columns])
         begun = 0
         for number, window in self._columns.add(block):
             self._sensors.take(block, slice(begun, number + 1))

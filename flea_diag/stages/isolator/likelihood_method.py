@@ -70,20 +70,11 @@ class EpisodeEvaluation:
         followed_ns = stamp_ns - max(episode.shared.detected_ns, self._stand.first_ns)
         if followed_ns / 1e9 >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
-        if episode.settled and episode.isolation.begins_with_jump:
-            self._require_jumps(stamp_ns, episode)
+        require_jumps(stamp_ns, episode, self._jumps, self._stand)
         if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(
                 stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled
             )
-
-    def _require_jumps(self, stamp_ns: int, episode: FaultEpisode) -> None:
-        """Drop errors whose jump is missing, unless they may be older than this run."""
-        detected_ns = episode.shared.detected_ns
-        if not self._stand.is_early(detected_ns):
-            # An episode that vibration opened says nothing of when the error came up.
-            until_ns = stamp_ns if episode.shared.opened_by_vibration else detected_ns
-            episode.isolation.require_jumps(stamp_ns, self._jumps.largest(detected_ns, until_ns))
 
     def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
         fits = self._quantitative.fits(episode)
@@ -91,6 +82,18 @@ class EpisodeEvaluation:
         episode.isolation.apply_likelihoods(
             stamp_ns, fits, self._p.drop_nats if may_drop else math.inf
         )
+
+
+def require_jumps(
+    stamp_ns: int, episode: FaultEpisode, jumps: JumpMemory, stand: StandStatus
+) -> None:
+    """Drop errors whose jump is missing once settled, unless they may be older than this run."""
+    detected_ns = episode.shared.detected_ns
+    begins = episode.settled and episode.isolation.begins_with_jump
+    if begins and not stand.is_early(detected_ns):
+        # An episode that vibration opened says nothing of when the error came up.
+        until_ns = stamp_ns if episode.shared.opened_by_vibration else detected_ns
+        episode.isolation.require_jumps(stamp_ns, jumps.largest(detected_ns, until_ns))
 
 
 def evaluation_ends(episode: FaultEpisode, stamps_ns: Stamps) -> Iterator[int]:

@@ -20,7 +20,6 @@ import math
 from collections.abc import Collection, Sequence
 
 from flea_diag.core.faults.response import to_do
-from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.isolation.detectability import (
     TOO_WIDE,
     UNDETECTABLE,
@@ -75,12 +74,11 @@ class VerdictRecord:
         self._source = parameters.source
         self._models = tuple(models)
         faults, calibration = knowledge.faults, knowledge.calibration
-        symptoms = knowledge.effects.residuals.symptoms
         self._without_relation = without_relation(faults, self._models, calibration)
-        self._undetectable = self._unseen(by_law, symptoms)
-        shown = by_law or (calibration.law.visible if calibration.law else ())
+        visible = by_law or (calibration.law.visible if calibration.law else ())
+        self._undetectable = self._unseen(visible, bool(by_law))
         modelled = {model.fault for model in self._models}
-        known = [row for row in shown if row.fault in modelled]
+        known = [row for row in visible if row.fault in modelled]
         self._shows_from = shows_from(known, bool(by_law))
         self._tests = tests_of_faults(
             faults, self._models, calibration, knowledge.effects.residuals
@@ -91,15 +89,12 @@ class VerdictRecord:
         self._rules = rules or OutcomeRules(knowledge, parameters, self._models, quantified)
         self._advice = Advice(knowledge, parameters, self._models)
 
-    def _unseen(
-        self, by_law: Sequence[VisibleSize], symptoms: SensorSymptoms
-    ) -> tuple[tuple[str, str], ...]:
+    def _unseen(self, visible: Sequence[VisibleSize], by_law: bool) -> tuple[tuple[str, str], ...]:
         """Faults that these sensors do not show, by the law or by the limits of every residual."""
-        faults, calibration = self._k.faults, self._k.calibration
+        faults, symptoms = self._k.faults, self._k.effects.residuals.symptoms
         if by_law:
-            return tuple(unseen(faults, by_law, symptoms).items())
-        silent = undetectable(faults, self._models, calibration, symptoms)
-        visible = calibration.law.visible if calibration.law else ()
+            return tuple(unseen(faults, visible, symptoms).items())
+        silent = undetectable(faults, self._models, self._k.calibration, symptoms)
         blind = (n for n in unseen_by_limits(visible) if n in faults and n not in silent)
         return (
             *((name, UNDETECTABLE) for name in silent),
