@@ -49,6 +49,11 @@ class ChangeEvidence:
         return min(evidence.windows for evidence in self._onsets)
 
     @property
+    def told(self) -> float:
+        """Windows by which explanations are told apart: in one direction of motion, one."""
+        return self.windows if self.first.goes_both_ways else min(self.windows, 1.0)
+
+    @property
     def first(self) -> FaultEvidence:
         """Of the most likely onset."""
         return self._onsets[0]

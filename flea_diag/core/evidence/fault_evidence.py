@@ -145,6 +145,7 @@ class FaultEvidence:
         self.errors = np.full(relations, np.nan)
         """Standardised errors of the last window under no fault, shape (relations,)."""
         self._seen = np.zeros((2, relations))
+        self._ways = {-1: 0, 0: 0, 1: 0}
         self._now = self._most = 0.0
         for window in windows:
             self.add(window)
@@ -162,6 +163,7 @@ class FaultEvidence:
         if since < 0:
             self._take_quiet(white)
             return
+        self._ways[self._h.friction.way(window)] += 1
         errors = np.nan_to_num(white.errors)
         self._count += np.isfinite(white.errors)
         self._seen += errors, np.square(errors)
@@ -221,6 +223,11 @@ class FaultEvidence:
     def windows(self) -> float:
         """Windows that count since the onset."""
         return float(self._count.max(initial=0.0))
+
+    @property
+    def goes_both_ways(self) -> bool:
+        """Whether it has moved forth and back since the onset."""
+        return min(self._ways[1], self._ways[-1]) > 0
 
     def weighed(self, feigned: bool = True) -> OnsetWeighed:
         """Evidence of every model and of another unit.

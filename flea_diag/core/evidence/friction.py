@@ -64,6 +64,11 @@ class Friction:
         factor = math.sqrt(max(self.usual_speed / speed, 1.0)) if self.usual_speed else 1.0
         return np.where(self._rubs, factor, 1.0)
 
+    def way(self, window: LawWindow) -> int:
+        """Direction of motion: 1 forth, -1 back, 0 about a standstill."""
+        speed = float(np.median(window.read[:, self.speed]))
+        return int(np.sign(speed)) if abs(speed) > SLOWEST * self.usual_speed else 0
+
     @cached_property
     def _rubs(self) -> npt.NDArray[np.bool_]:
         """Relations that hold dry friction, shape (relations,)."""

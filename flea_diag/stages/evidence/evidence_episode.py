@@ -75,7 +75,7 @@ class EvidenceEpisode(FaultEpisode):
                 hypothesis.why_kept = self._words(nats[name], name in fits)
         if not members:
             return
-        self.shares.take(members, self.change.windows)
+        self.shares.take(members, self.change.told)
         for name in members:
             hypothesis = self.isolation.hypotheses[name]
             hypothesis.probability = self.shares.shares.get(name, 0.0)
