@@ -87,8 +87,9 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     friction = Friction(dry, names.index(speed_signal(known.residuals)), law.usual_speed)
     signatures = signatures_of(known.bound(parameters), names, law)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
+    recording_s = calibration.nominal_s / law.recordings
     made = tuple(
-        StreamHypotheses.of(law, columns, signatures, friction, another, rooms)
+        StreamHypotheses.of(law, columns, signatures, friction, another, rooms, recording_s)
         for another in (False, True)
     )
     told = knowledge(stand, calibration)

@@ -87,11 +87,17 @@ class StreamHypotheses(Frozen):
     @classmethod
     def of(
         cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, friction: Friction,
-        another: bool = False, rooms: Collection[str] = (),
+        another: bool = False, rooms: Collection[str] = (), recording_s: float = math.inf,
     ) -> StreamHypotheses:  # fmt: skip
         """By a law; ``another``: of a unit that it was not learned from.
 
-        ``rooms``: relations that hold nothing of a unit.
+        Parameters
+        ----------
+        rooms
+            Relations that hold nothing of a unit.
+        recording_s
+            How long the recordings of the law are: that anything stays what it is for longer,
+            they do not say.
         """
         spread = law.spread(another)
         variance = unit_variance(law, columns)
@@ -108,7 +114,7 @@ class StreamHypotheses(Frozen):
         return cls(
             signatures, columns, law.law_noise, spread.mean, root, unit, room[acts],
             entered.reshape(signatures.shape).any(axis=1), _feigned(law, signatures),
-            law.time_constant_s, friction,
+            min(law.time_constant_s, recording_s), friction,
         )  # fmt: skip
 
     def evidence(self, sums: Sums) -> Array:
