@@ -28,7 +28,7 @@ from flea_diag.core.evidence.fault_evidence import FaultEvidence, OnsetWeighed, 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS, HypothesisBank
 from flea_diag.core.evidence.stream_windows import LawWindow
-from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS
+from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS, patience
 
 Array = npt.NDArray[np.float64]
 
@@ -140,14 +140,14 @@ class StreamEvidence:
         alone = np.where(self._judged, weighed.alone, -np.inf)
         with_unit = np.where(self._judged, weighed.with_unit - weighed.healthy_unit, -np.inf)
         unit = weighed.unit if self.other_unit < 0 else -np.inf
-        over, limit = alone - weighed.healthy, change.limit
-        best = int(over.argmax())
-        if over[best] > limit and alone.max() - unit > APART_NATS:
+        over, more = alone - weighed.healthy, patience(evidence.windows)
+        best, limit = int(over.argmax()), more * change.limit
+        if over[best] > limit and alone.max() - unit > more * APART_NATS:
             return Found(best, float(over[best]), change)
         if unit > limit and with_unit.max() > limit:
             best = int(with_unit.argmax())
             return Found(best, float(with_unit[best]), change)
-        if evidence.windows < TOLD_WINDOWS:
+        if more > 1.0:
             return None
         if max(unit, over[best]) <= limit:
             self._changed = None
