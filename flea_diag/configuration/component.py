@@ -28,6 +28,7 @@ from flea_diag.configuration.stand_parameters import StandParameters, stand_of
 from flea_diag.core.backend import compiling
 from flea_diag.core.vibration.block_moments import try_out_moments
 from flea_diag.core.vibration.features import try_out
+from flea_diag.errors import ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
@@ -200,9 +201,20 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
     return IsolatorStage(knowledge(stand, learned(stand)), parameters, in_process)
 
 
-@lru_cache(maxsize=32)
 def _by_evidence(stand: Stand) -> EvidenceStand:
-    """Made once for all stages of one stand in a process, of so many stands of a fleet."""
+    """Made once for all stages of one stand in a process, and again when one of its files changes."""
+    from flea_diag.configuration.evidence import evidence_of
+
+    try:
+        texts = tuple(stand.texts().values())
+    except ConfigurationError:
+        return evidence_of(stand)  # it says what is missing, and how to make it
+    return _made(stand, texts)
+
+
+@lru_cache(maxsize=32)
+def _made(stand: Stand, texts: tuple[str, ...]) -> EvidenceStand:
+    """Of a stand with these texts in its files; of so many stands of a fleet."""
     from flea_diag.configuration.evidence import evidence_of
 
     return evidence_of(stand)

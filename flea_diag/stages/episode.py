@@ -65,6 +65,10 @@ class Episode:
             onsets_ns=tuple(stamp_ns for _, stamp_ns in detection.onsets),
         )
 
+    def began_before(self, detection: Detection) -> bool:
+        """Whether all that the observer has detected began after this episode: it is another one."""
+        return bool(detection.onsets) and all(ns > self.detected_ns for _, ns in detection.onsets)
+
     def joined_by(self, detection: Detection) -> Episode:
         """The same episode, now detected by the observer as well."""
         return replace(

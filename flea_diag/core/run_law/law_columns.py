@@ -23,7 +23,7 @@ were it a column, zero would fit.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,9 +103,9 @@ class LawColumns:
         since_s = (np.arange(len(run)) + 0.5) * WINDOW_S
         return np.asarray(added + since_s[:, None, None] * self.design[:, self.elapsed])
 
-    def some(self, which: Collection[int]) -> LawColumns:
-        """The same with some of the columns."""
-        places = sorted(which)
+    def some(self, which: Sequence[int]) -> LawColumns:
+        """The same with some of the columns, in this order."""
+        places = list(which)
         kept = tuple(self.columns[place] for place in places)
         return LawColumns(self.relations, kept, self.design[..., places], self.elapsed)
 

@@ -60,6 +60,8 @@ class SensorKnowledge(Frozen):
         Channels of the motion.
     unseen
         Channels of which no test tells a dead one from one that stands still.
+    stepping
+        Faults of the plant with which a position steps against another one, as a play does.
     """
 
     tests: Collection[str]
@@ -67,6 +69,7 @@ class SensorKnowledge(Frozen):
     motion: Mapping[str, ChannelMotion]
     unseen: Collection[str]
     period_s: float
+    stepping: Collection[str] = ()
 
 
 class SensorModes:
@@ -140,7 +143,7 @@ class SensorModes:
     def possible(self) -> tuple[str, ...]:
         """Faults that fit what has responded, and have shown what defines them."""
         every = self._k.faults.items()
-        counts = {name: sum(_fits(f, *s) for s in self._seen.items()) for name, f in every}
+        counts = {name: sum(self._fits(f, *s) for s in self._seen.items()) for name, f in every}
         most = max(counts.values(), default=0)
         fitting = tuple(name for name, count in counts.items() if count == most > 0)
         return tuple(name for name in fitting if self._shows(self._k.faults[name])) or fitting
@@ -154,12 +157,13 @@ class SensorModes:
             return True
         return any(self._seen.get((fault.channel, test)) == sign for test, sign in defining)
 
-
-def _fits(fault: Fault, where: tuple[str, str], sign: str) -> bool:
-    """Whether a mode makes this test respond so."""
-    channel, test = where
-    if fault.channel != channel:
-        return False
-    if test == STEP:  # its own test may still be to come
-        return fault.mode in JUMP_MODES
-    return OWN_TESTS[test].get(fault.mode, "0") in (sign, "*")
+    def _fits(self, fault: Fault, where: tuple[str, str], sign: str) -> bool:
+        """Whether a fault makes this test respond so."""
+        channel, test = where
+        if test == STEP and fault.name in self._k.stepping:
+            return True
+        if fault.channel != channel:
+            return False
+        if test == STEP:  # its own test may still be to come
+            return fault.mode in JUMP_MODES
+        return OWN_TESTS[test].get(fault.mode, "0") in (sign, "*")

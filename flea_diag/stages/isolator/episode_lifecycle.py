@@ -121,6 +121,10 @@ class EpisodeLifecycle:
             episode.take_over()
             return Change.TAKEN_OVER
         if detection.detected and episode is not None and episode.shared.opened_by_vibration:
+            if episode.shared.began_before(detection):
+                self.close()
+                self._open(Episode.of(detection, self._opened + 1))
+                return Change.OPENED
             episode.join(detection)
         if detection.test == ANOTHER_UNIT:
             self._method.forget()

@@ -227,6 +227,40 @@ def test_onsets_that_are_weighed_together_are_weighed_by_the_same_windows() -> N
     assert both[1].alone[0] > max(both[0].alone) + 3.0
 
 
+def test_explanations_are_told_apart_once_the_motion_has_gone_both_ways_since_the_onset() -> None:
+    """In one direction a drag and the error of a reading are alike."""
+    every = windows(drawn(60, seed=12))  # at speeds of sin(0.4 n), whose sign turns each 8 windows
+    change = ChangeEvidence([FaultEvidence(hypotheses(), 40, every[:46])])
+    assert change.windows > change.told == 1.0
+    for window in every[46:52]:
+        change.add(window)
+    assert change.told == change.windows > 6.0
+    friction = Friction(NOTHING_HELD, 2, 20.0)
+    assert [friction.way(every[n]) for n in (0, 4, 12)] == [0, 0, 0]
+    assert [hypotheses().friction.way(every[n]) for n in (0, 4, 12)] == [0, 1, -1]
+
+
+def test_a_stream_is_known_for_as_long_as_the_recordings_of_its_law() -> None:
+    signatures = signatures_of(MODELS, SIGNALS, LAW)
+    made = [
+        StreamHypotheses.of(
+            LAW, columns(), signatures, Friction(NOTHING_HELD, 2, 0.0), recording_s=length_s
+        )
+        for length_s in (40.0, 1e12)
+    ]
+    assert [known.memory_s for known in made] == [40.0, LAW.time_constant_s]
+    # A zero that creeps by as much as recordings differ in it, in ten minutes.
+    values = drawn(40, seed=13)[np.arange(3000) % 40] * 0.0
+    values[:, 0] += 0.3 + np.linspace(0.0, 0.6, 3000)
+    largest = []
+    for known in made:
+        bank = HypothesisBank(known)
+        for window in windows(values):
+            bank.add(window)
+        largest.append(float(bank.weighed().faults[1:].max()))
+    assert largest[0] < largest[1]
+
+
 def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_changed() -> None:
     warmer, other = drawn(60, seed=5), drawn(60, seed=5)
     warmer[20:, 0] += 1.5

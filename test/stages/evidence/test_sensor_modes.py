@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.places import FLEA_STAND
@@ -111,3 +113,15 @@ def test_where_nothing_has_responded_nothing_is_said() -> None:
     assert made.take(quiet, slice(0, len(quiet))) == len(quiet)
     assert not made
     assert made.possible() == ()
+
+
+def test_a_position_that_steps_may_be_a_play_that_opens() -> None:
+    """Of two positions with a play between them; the relations tell which it is."""
+    played = replace(next(iter(faults().values())), name="backlash", channel="", mode="")
+    every = {**faults(), "backlash": played}
+    known = SensorKnowledge(TESTS, every, {}, (), PERIOD_S, {"backlash"})
+    made = SensorModes(known)
+    made.take(block(0.1, **{POSITION: 2.0}), slice(0, 10))
+    assert {"backlash", f"{POSITION}_bias"} <= set(made.possible())
+    made.take(block(LATER, **NOISE), slice(0, round(LATER / PERIOD_S)))
+    assert "backlash" not in made.possible()

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import pytest
@@ -140,6 +141,18 @@ def test_vibration_opens_an_episode_of_the_faults_that_vibrate_and_the_observer_
     before = episode.names()
     episode.observe(symbols(4), ())
     assert (episode.symbols, episode.names()) == ((), before)
+
+
+def test_what_began_after_vibration_opened_an_episode_is_another_one() -> None:
+    """Its features spoke before the fault was there."""
+    for onset_ns, change, number in ((S, Change.NOTHING, 1), (3 * S, Change.OPENED, 2)):
+        episodes = lifecycle()
+        episodes.open_by_vibration(2 * S, ALARM)
+        found = replace(opened(4), onsets=(("1", onset_ns), ("2", 3 * S)))
+        assert episodes.take(found) is change
+        assert episodes.current is not None
+        assert episodes.current.shared.number == number
+        assert episodes.current.shared.opened_by_vibration is (number == 1)
 
 
 @pytest.mark.parametrize(
