@@ -202,7 +202,7 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
 
 
 def _by_evidence(stand: Stand) -> EvidenceStand:
-    """Made once for all stages of one stand in a process, and again when one of its files changes."""
+    """Made once for all stages of one stand in a process, and again when a file of it changes."""
     from flea_diag.configuration.evidence import evidence_of
 
     try:

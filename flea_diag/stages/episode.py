@@ -66,7 +66,7 @@ class Episode:
         )
 
     def began_before(self, detection: Detection) -> bool:
-        """Whether all that the observer has detected began after this episode: it is another one."""
+        """Whether all that the observer has detected began after this one: it is another one."""
         return bool(detection.onsets) and all(ns > self.detected_ns for _, ns in detection.onsets)
 
     def joined_by(self, detection: Detection) -> Episode:

@@ -36,10 +36,14 @@ BAG = ROOT / "bags" / "nominal"
 CALIBRATION = "calibration_simulated_stand.yaml"
 
 
+BY = pytest.mark.parametrize("configuration", ["hybrid", "evidence"])
+
+
 @cache
-def digest() -> str:
+def digest(configuration: str = "hybrid") -> str:
     """Of the bag on the shipped stand."""
-    return str(replay(BAG, make_pipeline(load_stand()))["digest"])
+    pipeline = make_pipeline(load_stand(), configuration=configuration)
+    return str(replay(BAG, pipeline)["digest"])
 
 
 def replayed(folder: Path, *options: str) -> str:
@@ -144,11 +148,13 @@ def test_the_shipped_calibration_names_the_shipped_description() -> None:
     assert learned["actuator_sha256"] == content_sha256(FLEA_STAND / "actuator.yaml")
 
 
-def test_another_layout_is_the_same_description(mine: Path) -> None:
+@BY
+def test_another_layout_is_the_same_description(mine: Path, configuration: str) -> None:
     before = (mine / "actuator.yaml").read_text(encoding="utf-8")
     edit(mine / "actuator.yaml")
     assert (mine / "actuator.yaml").read_text(encoding="utf-8") != before
-    assert replayed(mine.parent, "--stand", "./mine") == digest()
+    given = ("--stand", "./mine", "--configuration", configuration)
+    assert replayed(mine.parent, *given) == digest(configuration)
 
 
 def test_a_calibration_of_another_description_is_refused(
@@ -168,16 +174,18 @@ def test_a_calibration_of_another_description_is_refused(
     assert f"mine/{CALIBRATION}: made for actuator 'flea' (sha256 {flea})" in refused(capsys, *view)
 
 
+@BY
 def test_a_calibration_from_before_is_known_by_the_name_of_its_actuator(
-    mine: Path, capsys: pytest.CaptureFixture[str]
+    mine: Path, capsys: pytest.CaptureFixture[str], configuration: str
 ) -> None:
+    given = ("--stand", "./mine", "--configuration", configuration)
     learned = yaml.safe_load((mine / CALIBRATION).read_text(encoding="utf-8"))
     del learned["actuator_sha256"]
     (mine / CALIBRATION).write_text(yaml.safe_dump(learned, sort_keys=False), encoding="utf-8")
     edit(mine / "actuator.yaml", description="with a longer screw")
-    assert replayed(mine.parent, "--stand", "./mine") == digest()
+    assert replayed(mine.parent, *given) == digest(configuration)
     edit(mine / "actuator.yaml", name="other")
-    said = refused(capsys, "replay", str(BAG), "--stand", "./mine")
+    said = refused(capsys, "replay", str(BAG), *given)
     assert "made for actuator 'flea', " in said
     assert "describes 'other' (sha256 " in said
 
