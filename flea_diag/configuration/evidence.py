@@ -27,7 +27,7 @@ from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
-from flea_diag.core.faults.fault import Fault
+from flea_diag.core.isolation.isolation import steps
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -126,16 +126,13 @@ def _sensors(told: Knowledge) -> SensorKnowledge:
     motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
     tests = frozenset(row.name for row in rows.sensor_rows)
     unseen = told.symptoms.death_unseen
-    stepping = frozenset(name for name, fault in told.faults.items() if _steps(told, fault))
+    tables = told.signatures.values()
+    stepping = frozenset(
+        name
+        for name, fault in told.faults.items()
+        if any(True for table in tables for _ in steps(fault, table, told.symptoms))
+    )
     return SensorKnowledge(tests, told.faults, motion, unseen, calibration.period_s, stepping)
-
-
-def _steps(told: Knowledge, fault: Fault) -> bool:
-    """Whether with a fault of the plant the difference of two positions jumps."""
-    every = () if fault.channel else told.signatures.values()
-    rows = [variant.row for table in every for variant in table.variants[fault.name]]
-    found = [row[twin] for row in rows for twin in told.symptoms.stretched if twin in row]
-    return any(signature.affected and signature.order == 0 for signature in found)
 
 
 def _motions(rows: ResidualSet, parameters: ActuatorParameters) -> dict[str, ChannelMotion]:

@@ -65,9 +65,10 @@ class Episode:
             onsets_ns=tuple(stamp_ns for _, stamp_ns in detection.onsets),
         )
 
-    def began_before(self, detection: Detection) -> bool:
-        """Whether all that the observer has detected began after this one: it is another one."""
-        return bool(detection.onsets) and all(ns > self.detected_ns for _, ns in detection.onsets)
+    def vibrated_before(self, detection: Detection) -> bool:
+        """Whether vibration opened this one before all began that the observer has detected."""
+        first_ns = min((ns for _, ns in detection.onsets), default=self.detected_ns)
+        return self.opened_by_vibration and first_ns > self.detected_ns
 
     def joined_by(self, detection: Detection) -> Episode:
         """The same episode, now detected by the observer as well."""

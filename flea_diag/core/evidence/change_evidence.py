@@ -51,7 +51,7 @@ class ChangeEvidence:
     @property
     def told(self) -> float:
         """Windows by which explanations are told apart: in one direction of motion, one."""
-        return self.windows if self.first.goes_both_ways else min(self.windows, 1.0)
+        return self.windows if self.first.goes_both_ways else 1.0
 
     @property
     def first(self) -> FaultEvidence:

@@ -145,7 +145,7 @@ class FaultEvidence:
         self.errors = np.full(relations, np.nan)
         """Standardised errors of the last window under no fault, shape (relations,)."""
         self._seen = np.zeros((2, relations))
-        self._ways = {-1: 0, 0: 0, 1: 0}
+        self._ways: set[int] = set()
         self._now = self._most = 0.0
         for window in windows:
             self.add(window)
@@ -163,7 +163,7 @@ class FaultEvidence:
         if since < 0:
             self._take_quiet(white)
             return
-        self._ways[self._h.friction.way(window)] += 1
+        self._ways.add(self._h.friction.way(window))
         errors = np.nan_to_num(white.errors)
         self._count += np.isfinite(white.errors)
         self._seen += errors, np.square(errors)
@@ -227,7 +227,7 @@ class FaultEvidence:
     @property
     def goes_both_ways(self) -> bool:
         """Whether it has moved forth and back since the onset."""
-        return min(self._ways[1], self._ways[-1]) > 0
+        return {1, -1} <= self._ways
 
     def weighed(self, feigned: bool = True) -> OnsetWeighed:
         """Evidence of every model and of another unit.

@@ -24,7 +24,7 @@ assumption.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
@@ -190,7 +190,8 @@ class Isolation:
             return
         if residual in self._sensors.positions:
             yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
-            yield from self._steps(fault, visited)
+            for quadrant in visited:
+                yield from steps(fault, self._tables[quadrant], self._sensors)
             return
         if residual in self._sensors.own:
             yield _own(fault, self._sensors.own[residual], "*", "level")
@@ -200,15 +201,6 @@ class Isolation:
             for variant in table.variants[fault.name]:
                 if residual in variant.row:
                     yield variant.row[residual]
-
-    def _steps(self, fault: Fault, visited: tuple[Quadrant, ...]) -> Iterable[FaultSignature]:
-        """Of a fault of the plant with which the difference of two positions jumps: one steps."""
-        for quadrant in () if fault.channel else visited:
-            for variant in self._tables[quadrant].variants[fault.name]:
-                for twin in self._sensors.stretched:
-                    found = variant.row.get(twin, UNAFFECTED)
-                    if found.affected and found.order == 0:
-                        yield FaultSignature("*", "*", 0, found.path)
 
     def require(
         self,
@@ -319,6 +311,15 @@ class Isolation:
         weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):
             hypothesis.probability = weight / sum(weights)
+
+
+def steps(fault: Fault, table: SignatureTable, sensors: SensorSymptoms) -> Iterator[FaultSignature]:
+    """Of a fault of the plant with which the difference of two positions jumps: one steps."""
+    for variant in () if fault.channel else table.variants[fault.name]:
+        for twin in sensors.stretched:
+            found = variant.row.get(twin, UNAFFECTED)
+            if found.affected and found.order == 0:
+                yield FaultSignature("*", "*", 0, found.path)
 
 
 def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:

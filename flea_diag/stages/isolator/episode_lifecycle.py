@@ -113,6 +113,8 @@ class EpisodeLifecycle:
     def take(self, detection: Detection) -> Change:
         """Open, join or close an episode according to a detection."""
         self._detection_number = detection.episode
+        if self.current is not None and self.current.shared.vibrated_before(detection):
+            self.close()
         episode = self.current
         if detection.detected and episode is None:
             self._open(Episode.of(detection, self._opened + 1))
@@ -121,10 +123,6 @@ class EpisodeLifecycle:
             episode.take_over()
             return Change.TAKEN_OVER
         if detection.detected and episode is not None and episode.shared.opened_by_vibration:
-            if episode.shared.began_before(detection):
-                self.close()
-                self._open(Episode.of(detection, self._opened + 1))
-                return Change.OPENED
             episode.join(detection)
         if detection.test == ANOTHER_UNIT:
             self._method.forget()
