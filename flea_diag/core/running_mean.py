@@ -26,18 +26,23 @@ from flea_diag.core.row_ring import RowRing
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+Memory = tuple[Counts, Counts, Counts, Counts]
 
 
 class WindowedMeans:
-    """Means of each column over its last 1..n valid rows.
+    """Means of each column over what is valid of its last 1..n rows.
 
-    A window that holds a NaN has no mean. Rows come one by one or in blocks; sums
-    accumulate in the same order, so a block gives the same bits as its rows one by one. Memory
+    A gap of more than ``longest_gap`` rows, a number for each column or one for all, ends a window:
+    from there on it has no mean until it is full again, nor where less than half of it is valid.
+    Rows come one by one or in blocks;
+    sums accumulate in the same order, so a block gives the same bits as its rows one by one. Memory
     is constant. Sums are recomputed once per lap (of the longest window), so that rounding errors
     do not accumulate over a day.
     """
 
-    def __init__(self, columns: int, windows: Sequence[int]) -> None:
+    def __init__(
+        self, columns: int, windows: Sequence[int], longest_gap: int | Counts = 0
+    ) -> None:
         self.windows = tuple(windows)
         self._size = max(self.windows)
         self._lengths = np.array(self.windows)
@@ -45,14 +50,16 @@ class WindowedMeans:
         self._rows = RowRing(columns, windows)
         self._valid = RowRing(columns, self.windows, bool)
         self._sums = np.zeros((len(self.windows), columns))
-        self._run = np.zeros(columns, dtype=np.int64)
-        self._full_for = 0
+        self._longest: Counts = np.broadcast_to(longest_gap, columns).astype(np.int64)
+        self._run, self._gap = np.zeros(columns, dtype=np.int64), self._longest + 1
+        self._seen = np.zeros((len(self.windows), columns), dtype=np.int64)
+        self._whole_for = 0
         self._lap = 0
 
     def push(self, rows: Array) -> Array:
         """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
 
-        NaN until a window holds its full count of valid samples.
+        NaN until a window is as long as it should be.
         """
         if self._lap + len(rows) <= self._size:
             return self._push(rows)
@@ -64,7 +71,7 @@ class WindowedMeans:
         valid = np.isfinite(rows)
         whole = bool(valid.all())
         clean = rows if whole else np.where(valid, rows, 0.0)
-        self._valid.push(valid)
+        left = self._valid.push(valid)
         sums = clean[:, None, :] - self._rows.push(clean)
         sums[0] += self._sums
         if len(rows) > 1:
@@ -73,35 +80,46 @@ class WindowedMeans:
         if self._lap == 0:
             sums[-1] = self._formed_anew()
         self._sums = sums[-1].copy()
-        means: Array = sums / self._divisors
-        # Every window has been full for long, and nothing is missing now: no need to look.
-        if not whole or self._full_for < self._size:
-            means[self._runs(valid)[:, None, :] < self._lengths[:, None]] = np.nan
-            self._full_for = int(self._run.min(initial=self._size))
-        else:
+        # Nothing has been missing for long, and nothing is now: no need to look.
+        if whole and self._whole_for >= self._size:
             self._run += len(rows)
-        return means
+            means: Array = sums / self._divisors
+            return means
+        seen = valid[:, None, :].astype(np.int64) - left
+        seen[0] += self._seen
+        seen = np.cumsum(seen, axis=0)
+        self._seen = seen[-1].copy()
+        bad = np.flatnonzero(~valid.all(axis=1))
+        self._whole_for = len(rows) - 1 - int(bad[-1]) if len(bad) else self._whole_for + len(rows)
+        return self._means(sums, seen, self._runs(valid)[:, None, :])
 
-    def room(self, count: int) -> tuple[tuple[Array, Flags, Array], int, int, Counts]:
+    def _means(self, sums: Array, seen: Counts, runs: Counts) -> Array:
+        """Of windows that are long enough, with at least half of their rows."""
+        judged = (runs >= self._lengths[:, None]) & (2 * seen >= self._lengths[:, None])
+        return np.where(judged, sums / np.maximum(seen, 1), np.nan)
+
+    def room(self, count: int) -> tuple[tuple[Array, Flags, Array], int, int, Memory]:
         """Memory in which ``z_test_loops`` puts so many rows, no more than the longest window.
 
         Stores of values and of validity, and the sums; where in them the rows begin; rows of
-        this lap until now; how many rows in a row were valid.
+        this lap until now; how long each column's window is, how long its gap, how many rows each
+        window has seen, and the longest gap.
         """
         start, lap = self._rows.place(count), self._lap
         self._valid.place(count)
         self._lap = (lap + count) % self._size
-        self._full_for = 0
-        return (self._rows.store, self._valid.store, self._sums), start, lap, self._run
+        self._whole_for = 0
+        counts = self._run, self._gap, self._seen, self._longest
+        return (self._rows.store, self._valid.store, self._sums), start, lap, counts
 
-    def _runs(self, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-        """How many rows in a row were valid, after each row; shape (n, columns)."""
+    def _runs(self, valid: Flags) -> Counts:
+        """How many rows there are since the last gap that was too long, shape (n, columns)."""
         number = np.arange(1, len(valid) + 1)[:, None]
-        runs = self._run + number
-        if not valid.all():
-            last = np.maximum.accumulate(np.where(valid, 0, number), axis=0)
-            runs = np.where(last == 0, runs, number - last)
-        self._run = runs[-1]
+        last = np.maximum.accumulate(np.where(valid, number, 0), axis=0)
+        gap = number - last + np.where(last == 0, self._gap, 0)
+        ended = np.maximum.accumulate(np.where(gap > self._longest, number, 0), axis=0)
+        runs: Counts = number - ended + np.where(ended == 0, self._run, 0)
+        self._run, self._gap = runs[-1], np.minimum(gap[-1], self._longest + 1)
         return runs
 
     def _formed_anew(self) -> Array:
@@ -119,16 +137,16 @@ class WindowedMeans:
 
     def means(self) -> Array:
         """Means as they are now, shape (windows, columns)."""
-        full = self._run >= self._lengths[:, None]
-        return np.where(full, self._sums / self._divisors, np.nan)
+        return self._means(self._sums, self._seen, self._run)
 
     def clear(self, columns: Sequence[int] | None = None) -> None:
         """Forget all columns, or only some (a channel that turned out to be bad)."""
         which = slice(None) if columns is None else list(columns)
         for store in (self._rows.last(self._size), self._valid.last(self._size), self._sums):
             store[:, which] = 0
-        self._run[which] = 0
-        self._full_for = 0
+        self._run[which], self._gap[which] = 0, self._longest[which] + 1
+        self._seen[:, which] = 0
+        self._whole_for = 0
 
 
 def summed_in_order(values: Array) -> Array:

@@ -18,16 +18,24 @@ A linear relation between signals (Kirchhoff, Newton) still holds between the sa
 seen through one common linear filter. So parity relations are evaluated on signals
 that are all smoothed by this kernel, and no term leads another. It also averages a voltage that
 was sampled as raw PWM. The cost is a delay of half the kernel.
+
+Where readings are missing, the kernel is laid over the smoothest curve through those that were
+read: that of the least second differences. This is linear in the readings, so a gap has a kernel of
+its own, and that kernel says by how much noise is amplified.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+MOST_NOISE = 2.0
+"""Noise of a smoothed value, in times that without a gap, beyond which it has no value."""
 
 
 def hann_kernels(length: int, period_s: float) -> Array:
@@ -51,33 +59,89 @@ def hann_kernels(length: int, period_s: float) -> Array:
     return np.stack((value, first, second))
 
 
-class Smoother:
-    """Smoothed values and derivatives of several channels, and the rows they are computed from.
+@lru_cache(maxsize=8)
+def _whole(length: int, period_s: float) -> tuple[Array, Array]:
+    """Kernels without a gap, and the sum of squared second differences as a quadratic form."""
+    bends = np.diff(np.eye(length), 2, axis=0)
+    return hann_kernels(length, period_s), bends.T @ bends
 
-    NaN in one channel makes only that channel NaN, for as long as it stays in the window.
+
+@lru_cache(maxsize=65536)
+def gap_kernels(missing: bytes, period_s: float) -> tuple[Array, Array]:
+    """The kernels of one pattern of missing readings, and the noise that they let through.
+
+    ``missing`` are the flags of a window, a byte each. A kernel reads nothing where one is set. The
+    kernels have shape (3, length); the noise, shape (3,), is the standard deviation of each result
+    in times that of ``hann_kernels``, for readings whose noise is white; NaN kernels where it is
+    above ``MOST_NOISE``.
+    """
+    lost = np.frombuffer(missing, dtype=bool)
+    whole, bends = _whole(len(lost), period_s)
+    # What a lost reading would have weighed goes to those that its place on the curve rests on.
+    moved = np.linalg.solve(bends[np.ix_(lost, lost)], whole[:, lost].T).T
+    kernels = whole - moved @ bends[lost]
+    kernels[:, lost] = 0.0
+    noise = np.sqrt(np.square(kernels).sum(axis=1) / np.square(whole).sum(axis=1))
+    if noise.max() > MOST_NOISE:
+        kernels[:] = np.nan
+    return kernels, noise
+
+
+class Smoother:
+    """Smoothed values and derivatives of several channels, and the noise that gaps add to them.
+
+    A missing reading (NaN) concerns its own channel alone. It is bridged while the noise stays
+    below ``MOST_NOISE``; from then on that channel is NaN. What lies before the first row is no gap.
     """
 
     def __init__(self, channels: int, length: int, period_s: float) -> None:
         self._kernels = hann_kernels(length, period_s)
-        self._length = length
+        self._length, self._period_s, self._wait = length, period_s, length - 1
         self._before = np.full((length - 1, channels), np.nan)
 
-    def push(self, rows: Array) -> tuple[Array, Array]:
+    def push(self, rows: Array) -> tuple[Array, Array | None]:
         """Take rows, shape (n, channels), with n = 1 live and many in a replay.
 
         Returns
         -------
-        recent : shape (length - 1 + n, channels), these rows after those before them
         derivatives : shape (n, 3, channels), each at its delayed centre
+        noise : of the same shape, standard deviation in times that without gaps; None: 1
         """
         recent = np.concatenate((self._before, rows))
         self._before = recent[len(rows) :]
         # One product of the same shape for each row, whatever n is: the same last bits.
-        return recent, np.matmul(self._kernels, sliding(recent, self._length))
+        smooth = np.matmul(self._kernels, sliding(recent, self._length))
+        wait, self._wait = self._wait, max(self._wait - len(rows), 0)
+        return smooth, bridge(recent, smooth, self._period_s, wait)
 
     def clear(self) -> None:
         """Clear the window; the next ``length - 1`` results are NaN."""
         self._before = np.full_like(self._before, np.nan)
+        self._wait = self._length - 1
+
+
+def bridge(recent: Array, smooth: Array, period_s: float, skip: int = 0) -> Array | None:
+    """Fill in what a few missing readings have made NaN; the noise of all, None where it is 1.
+
+    ``recent``, shape (length - 1 + n, channels), are the readings, ``smooth``, shape (n, 3,
+    channels), what the whole kernel makes of them; the first ``skip`` results stay as they are.
+    """
+    if not np.isnan(smooth[skip:, 0]).any():
+        return None
+    missing = np.isnan(recent)
+    length = len(recent) - len(smooth) + 1
+    noise: Array | None = None
+    for channel in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)):
+        windows = np.lib.stride_tricks.sliding_window_view(missing[:, channel], length)
+        lost = np.count_nonzero(windows[skip:], axis=1)
+        for k in (skip + np.flatnonzero((lost > 0) & (lost < length - 1))).tolist():
+            kernels, amplified = gap_kernels(windows[k].tobytes(), period_s)
+            readings = np.where(windows[k], 0.0, recent[k : k + length, channel])
+            smooth[k, :, channel] = kernels @ readings
+            if noise is None:
+                noise = np.ones_like(smooth)
+            noise[k, :, channel] = amplified
+    return noise
 
 
 def sliding(rows: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:

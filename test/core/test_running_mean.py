@@ -45,6 +45,17 @@ def test_means_are_those_of_the_last_rows(rows):
             np.testing.assert_allclose(found, expected(table[:count], window), atol=1e-9)
 
 
+def test_short_gaps_are_passed_over_and_long_ones_end_a_window():
+    means = WindowedMeans(1, (8,), longest_gap=3)
+    rows = np.arange(40.0)[:, None]
+    rows[[10, 12, 13], 0] = np.nan
+    rows[20:24, 0] = np.nan
+    found = means.push(rows)[:, 0, 0]
+    assert np.flatnonzero(np.isfinite(found)).tolist() == [*range(7, 23), *range(31, 40)]
+    assert found[13] == np.mean([6, 7, 8, 9, 11])
+    assert np.isnan(WindowedMeans(1, (8,), 3).push(np.where(rows % 4 < 3, np.nan, rows))).all()
+
+
 def test_no_drift_over_many_laps():
     random = np.random.default_rng(3)
     # A huge value passes through now and then: its rounding must leave with it.
@@ -98,7 +109,7 @@ def test_blocks_give_the_bits_of_their_rows(lengths, seed):
     random = np.random.default_rng(seed)
     rows = random.standard_normal((sum(lengths), 3)) * 10.0 ** random.integers(-6, 9, 3)
     rows[random.random(rows.shape) < 0.05] = np.nan
-    one, many = WindowedMeans(3, WINDOWS), WindowedMeans(3, WINDOWS)
+    one, many = WindowedMeans(3, WINDOWS, seed % 3), WindowedMeans(3, WINDOWS, seed % 3)
     single = np.concatenate([one.push(row[None]) for row in rows])
     blocks = np.split(rows, np.cumsum(lengths)[:-1])
     np.testing.assert_array_equal(np.concatenate([many.push(b) for b in blocks]), single)

@@ -48,6 +48,7 @@ HEALTHY, JAM = 0, 2
 """Units by what is wrong with them (``support.graph.runs``)."""
 LENGTH_S = 16.0
 QUIET = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL}
+FOUND = {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE}
 BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
 
 
@@ -116,27 +117,35 @@ def at_rate(rate_hz: float, run: Run) -> Run:
 
 ROWS: dict[str, Row] = {
     "one load in 33 is missing": Row(
-        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, "load_force",
-        change=partial(missing, "load_force", 33),
-    ),
-    "and the screw jams": Row(
-        JAM, BLIND, Outcome.DATA_UNUSABLE, "load_force", change=partial(missing, "load_force", 33)
+        HEALTHY, BLIND, Outcome.NOMINAL, change=partial(missing, "load_force", 33)
     ),
     "5 % of all readings are missing": Row(
-        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, change=partial(missing_at_random, 0.05)
+        HEALTHY, BLIND, Outcome.NOMINAL, change=partial(missing_at_random, 0.05)
     ),
+    "30 % of all readings are missing": Row(
+        HEALTHY, BLIND, Outcome.NOMINAL, "parity_speed", change=partial(missing_at_random, 0.3)
+    ),
+    **{
+        f"{words}, and the screw jams": Row(
+            JAM, {*FOUND, *BLIND}, Outcome.INDISTINGUISHABLE, "jam", change=change
+        )
+        for words, change in {
+            "one load in 33 is missing": partial(missing, "load_force", 33),
+            "a load cell at 50 Hz": partial(missing, "load_force", 2),
+            "10 % of all readings are missing": partial(missing_at_random, 0.1),
+        }.items()
+    },
     "newtons as millinewtons, and the screw jams": Row(
         JAM, BLIND, Outcome.DATA_UNUSABLE, "load_force",
         change=partial(in_another_unit, "load_force", 1000.0),
     ),
     "a load cell at 50 Hz": Row(
-        HEALTHY, BLIND, Outcome.DATA_UNUSABLE, "load_force",
-        change=partial(missing, "load_force", 2),
+        HEALTHY, BLIND, Outcome.NOMINAL, change=partial(missing, "load_force", 2)
     ),
     "10 of 32 scans are lost": Row(
         HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("lost_regularly",)
     ),
-    "each 20th scan is empty": Row(HEALTHY, BLIND, Outcome.DATA_UNUSABLE, spoilt=("empty_scans",)),
+    "each 20th scan is empty": Row(HEALTHY, BLIND, Outcome.NOMINAL, spoilt=("empty_scans",)),
     **{
         f"scans at {rate_hz:g} Hz": Row(
             HEALTHY, {Outcome.MODEL_MISMATCH, *QUIET}, Outcome.MODEL_MISMATCH, f"{rate_hz:g} Hz",
@@ -147,7 +156,7 @@ ROWS: dict[str, Row] = {
     "stamps jitter": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("jitter",)),
     "the clock steps back": Row(HEALTHY, QUIET, Outcome.NOMINAL, spoilt=("clock_set_back",)),
     "the clock steps back, and the screw jams": Row(
-        JAM, {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, *QUIET},
+        JAM, {*FOUND, *QUIET},
         Outcome.INDISTINGUISHABLE, "jam", spoilt=("clock_set_back",),
     ),
     "another stand 5 ms beside": Row(HEALTHY, QUIET, Outcome.NOMINAL, beside=(JAM, 5_000_000)),

@@ -77,7 +77,10 @@ class ZTests:
         self._lengths = np.array(self._windows)
         self._window, self._order = np.arange(len(self._windows)), np.arange(len(rows))
         width = 2 * len(rows) + 1 + len(self._spread) * len(tolerance)
-        self._means = WindowedMeans(width, self._windows)
+        # What the kernel bridges. An innovation knows nothing of the noise that a gap costs.
+        gaps = np.zeros(width, dtype=np.int64)
+        gaps[: len(rows)] = [counts.kernel // 2 * (r.name not in known.innovations) for r in rows]
+        self._means = WindowedMeans(width, self._windows, gaps)
         self._held = np.full((4, len(rows)), np.nan)
         self._held[2:] = np.array([[0.0], [1.0]])
 
@@ -126,7 +129,7 @@ class ZTests:
             piece = slice(start, start + self._windows[-1])
             moving = rows.moving[piece]
             count = int(np.count_nonzero(moving)) if self._gated else len(moving)
-            memory, at, lap, run = self._means.room(count)
+            memory, at, lap, seen = self._means.room(count)
             loops(
                 (rows.values[piece], growth[piece], rows.motion[piece], rows.spread[piece]),
                 moving,
@@ -136,7 +139,8 @@ class ZTests:
                 memory,
                 at,
                 lap,
-                (self._lengths, run),
+                self._lengths,
+                seen,
                 self._bounds,
                 spread,
                 self._held,

@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
+from flea_diag.core.running_mean import Memory
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -34,18 +35,20 @@ Counts = npt.NDArray[np.int64]
 
 
 def push_loops(
-    row: Array, store: Array, valid: Flags, at: int, counts: tuple[Counts, Counts], sums: Array
+    row: Array, store: Array, valid: Flags, at: int, lengths: Counts, counts: Memory, sums: Array
 ) -> None:
     """``running_mean.WindowedMeans`` for one row, which is put at ``at`` of the store."""
-    lengths, run = counts
+    run, gap, seen, longest = counts
     for c in range(len(row)):
         good = math.isfinite(row[c])
         store[at, c] = row[c] if good else 0.0
         valid[at, c] = good
-        run[c] = run[c] + 1 if good else 0
+        gap[c] = 0 if good else min(gap[c], longest[c]) + 1
+        run[c] = run[c] + 1 if gap[c] <= longest[c] else 0
     for w in range(len(lengths)):
         for c in range(len(row)):
             sums[w, c] += store[at, c] - store[at - lengths[w], c]
+            seen[w, c] += int(valid[at, c]) - int(valid[at - lengths[w], c])
 
 
 def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
@@ -61,13 +64,14 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
 
 def nearest_loops(
     sums: Array,
-    counts: tuple[Counts, Counts],
+    lengths: Counts,
+    counts: Memory,
     bounds: Array,
     spread: tuple[int, int, Array],
     held: Array,
 ) -> None:
     """Of each residual the test nearest to its limit: z, limit, window and growth in ``held``."""
-    lengths, run = counts
+    run, seen = counts[0], counts[2]
     start, spreading, tolerance = spread
     units, residuals = len(tolerance), held.shape[1]
     best = np.empty(residuals)
@@ -92,8 +96,8 @@ def nearest_loops(
                     unit += moved * moved
                 variance += unit
             z = math.nan
-            if run[c] >= length:
-                z = (sums[w, c] / length - bounds[0, region, w, c]) / math.sqrt(variance)
+            if run[c] >= length and 2 * seen[w, c] >= length:
+                z = (sums[w, c] / seen[w, c] - bounds[0, region, w, c]) / math.sqrt(variance)
             k = bounds[2, region, w, c]
             near = abs(z) / k
             # An untested window has no z: it is farthest from its limit.
@@ -123,23 +127,23 @@ def row_loops(
 def z_test_loops(
     rows: tuple[Array, Array, Array, Array], moving: Flags, gated: bool, columns: Counts,
     places: Counts, memory: tuple[Array, Flags, Array], start: int, lap: int,
-    counts: tuple[Counts, Counts], bounds: Array, spread: tuple[int, int, Array], held: Array,
+    lengths: Counts, counts: Memory, bounds: Array, spread: tuple[int, int, Array], held: Array,
     results: Array,
 ) -> None:  # fmt: skip
     """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
     values, growth, motion, spreads = rows
     store, valid, sums = memory
-    row, size = np.empty(store.shape[1]), counts[0][-1]
+    row, size = np.empty(store.shape[1]), lengths[-1]
     for i in range(len(values)):
         if moving[i] or not gated:
             row_loops(values[i], growth[i], motion[i, 0], spreads[i], columns, places, row)
-            push_loops(row, store, valid, start, counts, sums)
+            push_loops(row, store, valid, start, lengths, counts, sums)
             lap += 1
             if lap == size:
                 lap = 0
-                sum_loops(store, start, counts[0], sums)
+                sum_loops(store, start, lengths, sums)
             start += 1
-            nearest_loops(sums, counts, bounds, spread, held)
+            nearest_loops(sums, lengths, counts, bounds, spread, held)
         for c in range(len(columns)):
             for part in range(4):
                 results[part, i, columns[c]] = held[part, c]

@@ -38,7 +38,7 @@ from flea_diag.core.residuals.parameters import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import STALL, Value, direction
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows
 from flea_diag.core.residuals.settling import Settling
 from flea_diag.core.residuals.thermal import PredictedStores
 from flea_diag.core.scan_counts import ScanCounts
@@ -94,13 +94,14 @@ class ResidualBank:
         self._current = relations.signals.index(current) if current in relations.signals else -1
         self._untold = self._current >= 0 and any(row.name == HELD for row in rows.modes)
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
+        self._reads = [self._read_by(row.needs) for row in rows.parities]
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
         """Residuals of n >= 1 rows of readings, one after the other; shape (n, channels).
 
         ``frozen`` stops every correction.
         """
-        _, smooth = self._smoother.push(rows)
+        smooth, noise = self._smoother.push(rows)
         values = np.empty((len(rows), self._width))
         values.fill(math.nan)
         spread = np.zeros((len(rows), self._spreading, len(UNIT_PARAMETERS)))
@@ -114,7 +115,25 @@ class ResidualBank:
         self._settling.leave_out(formed)
         if self._modes is not None:
             self._leave_out(self._modes, rows, formed)
+        if noise is not None:
+            formed.noise = self._noise(noise)
         return formed
+
+    def _read_by(self, needs: Sequence[str]) -> tuple[list[int], list[int]]:
+        """Orders of derivative and channels that a residual with these needs reads."""
+        rows = self._relations.residuals
+        speed = rows.encoder if self.has_encoder else rows.position
+        channels = {rows.channel(speed if name == SPEED else name) for name in needs}
+        ways = [(0, self._layout.encoder), (1, self._layout.position)]
+        read = {place for place in (*self._places, *ways) if place[1] in channels - {-1}}
+        return [order for order, _ in read], [channel for _, channel in read]
+
+    def _noise(self, noise: Array) -> Array:
+        """Noise of each residual by that of the worst signal that it is formed of, (n, residuals)."""
+        found = np.ones((len(noise), self._width))
+        for place, (orders, channels) in enumerate(self._reads):
+            found[:, place] = noise[:, orders, channels].max(axis=1, initial=1.0)
+        return found
 
     def _leave_out(self, modes: MachineModes, rows: Array, formed: ResidualRows) -> None:
         """Drop what has no value in a mode; what a brake holds does not stand against a drag."""

@@ -350,7 +350,8 @@ class ResidualRows:
     absent or bad. ``motion``, shape (n, 2), is the speed at the nut, m/s, and the smooth sign of
     the motion, or of the push where the actuator is stalled. ``moving``, (n,), includes a
     standstill under a force that moves any healthy unit. ``modes``, shape (n, modes), are the
-    states of ``ResidualSet.modes``.
+    states of ``ResidualSet.modes``. ``noise``, shape (n, residuals), is how much noisier each value
+    is for readings that are missing; None: they are all there.
     """
 
     values: Array
@@ -359,6 +360,7 @@ class ResidualRows:
     motion: Array
     moving: Flags
     modes: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
+    noise: Array | None = None
 
     def __len__(self) -> int:
         return len(self.values)

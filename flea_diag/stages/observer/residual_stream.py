@@ -44,6 +44,7 @@ from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstima
 from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
+from flea_diag.stages.stream.last_readings import LastReadings
 from flea_diag.stages.stream.lost_scans import LostScans
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -110,6 +111,7 @@ class ResidualStream:
         self._estimate = estimate
         self._speed = SpeedTrust(known, self._bank.has_encoder, c.counts.kernel)
         self._lost = LostScans(known, c.counts.kernel)
+        self._last = LastReadings(len(known.channels), c.counts.kernel // 2)
         self.conditions = ConditionWatch(c, relations)
         self.modes = ModeWatch(known)
         self._bands = SupplyBands(relations)
@@ -151,6 +153,7 @@ class ResidualStream:
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
         self._lost.interrupt()
+        self._last.interrupt()
         self._bank.interrupt()
         self.conditions.interrupt()
         self._sensors.interrupt()
@@ -222,13 +225,13 @@ class ResidualStream:
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(self._voltage.columns)
-        turn = len(rows)
+        turn, held = len(rows), self._last.step(rows)
         if read:
             usable, away = voltage.usable, self._sensors.away
-            turn = self.conditions.step(self._p, stamps_ns, rows, residuals, usable, away)
+            turn = self.conditions.step(self._p, stamps_ns, held, residuals, usable, away)
             turn = min(turn, self.modes.step(stamps_ns, residuals.modes))
         if self.envelope is not None:
-            turn = min(turn, self._place(self.envelope, stamps_ns, rows, residuals))
+            turn = min(turn, self._place(self.envelope, stamps_ns, held, residuals))
         # The filter predicts through missing scans by itself.
         seen = rows if read else np.where(self._is_predicted, np.nan, rows)
         void = self.conditions.voids or self.modes.lost
@@ -246,7 +249,7 @@ class ResidualStream:
         # After the learning: the offsets of a unit are its own wherever it stands.
         if self.envelope is not None:
             self.envelope.leave_out(residuals)
-        regressors = self._regressors.rows(rows, residuals)
+        regressors = self._regressors.rows(held, residuals)
         place = self.envelope.place if self.envelope is not None else ANYWHERE
         doubted = alone if self._wanders else None
         results = self._tests.step(residuals, (sensors, self._sensors.k), doubted, place)

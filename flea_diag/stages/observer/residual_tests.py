@@ -76,7 +76,7 @@ class ResidualTests:
         """
         if self._disabled:
             residuals.values[:, self._disabled] = np.nan
-        near = self._scaled(residuals, place.travel)
+        near = self._scaled(self._scaled(residuals, residuals.noise), place.travel)
         results = self._z_tests.step(near, place.variance())
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors

@@ -66,12 +66,17 @@ class LostScans:
         return parabola(steps[:, None], count + 1, (*np.concatenate(self._rows)[-2:], row))
 
     def leave_out(self, residuals: ResidualRows, read: bool) -> bool:
-        """Drop residuals that interpolated rows would falsify; whether filters must restart.
+        """Drop residuals that interpolation would falsify; whether filters must restart.
 
         Unsmoothed readings have no value in a lost scan; two sensors of the same speed agree
         better than any interpolation; a kernel with few readings is noisier than its limits
         assume, and then a filter cannot bridge the loss either.
         """
+        if residuals.noise is not None:
+            bridged = residuals.noise[:, self._fine] > 1.0
+            residuals.values[:, self._fine] = np.where(
+                bridged, np.nan, residuals.values[:, self._fine]
+            )
         if not self._wait:
             return False
         scans = len(residuals)

@@ -1,0 +1,50 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The last reading of each channel, where one is missing for no longer than the kernel bridges."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+class LastReadings:
+    """Holds the readings of one stream over short gaps, for what asks where the machine is."""
+
+    def __init__(self, channels: int, longest: int) -> None:
+        self._longest = longest
+        self._last = np.full(channels, np.nan)
+        self._age = np.full(channels, longest, dtype=np.int64)
+
+    def step(self, rows: Array) -> Array:
+        """Take n rows, shape (n, channels); the same with gaps of up to ``longest`` rows held."""
+        missing = np.isnan(rows)
+        if not missing.any():
+            self._last, self._age = rows[-1], np.zeros_like(self._age)
+            return rows
+        number = np.arange(len(rows))[:, None]
+        at = np.maximum.accumulate(np.where(missing, -1, number), axis=0)
+        before = at < 0
+        age = number - np.where(before, -1 - self._age, at)
+        found = np.where(before, self._last, np.take_along_axis(rows, np.maximum(at, 0), axis=0))
+        held = np.where(age <= self._longest, found, np.nan)
+        self._last, self._age = found[-1], np.minimum(age[-1], self._longest)
+        return held
+
+    def interrupt(self) -> None:
+        """There is a gap before the next scan."""
+        self._age[:] = self._longest
