@@ -28,7 +28,7 @@ from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.smoothing import hann_kernels
+from flea_diag.core.smoothing import bridge, hann_kernels
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import CalibrationError
 
@@ -107,8 +107,10 @@ def smooth(
         if len(run.rows) < kernel_length:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(run.rows, kernel_length, axis=0)
-        for part, kernel in zip(parts, kernels, strict=True):
-            part.append(windows @ kernel)
+        whole = np.stack([windows @ kernel for kernel in kernels], axis=1)
+        bridge(run.rows, whole, period_s)
+        for part, smoothed in zip(parts, whole.transpose(1, 0, 2), strict=True):
+            part.append(smoothed)
         numbers.append(np.full(len(windows), number))
         voids.append(_void(run, rows, kernel_length, period_s))
     if not numbers:
