@@ -138,6 +138,13 @@ def spoilt(scans: tuple[Scan, ...], faults: list[tuple[str, int, int, float]]) -
         elif kind == "back":
             shift = 3_000_000_000
             out[at:] = [replace(s, stamp_ns=s.stamp_ns - shift) for s in out[at:]]
+        elif kind == "sparse":
+            draw = np.random.default_rng(count)
+            for row in rows:
+                values = np.array(out[row].values)
+                values[draw.random(len(values)) < 0.1] = np.nan
+                values[row % 2 :: 4] = np.nan
+                out[row] = replace(out[row], values=tuple(values.tolist()))
         else:
             column = CHANNELS.index(kind)
             for row in rows:
@@ -148,13 +155,14 @@ def spoilt(scans: tuple[Scan, ...], faults: list[tuple[str, int, int, float]]) -
 
 
 FAULTS = st.tuples(
-    st.sampled_from(("gap", "twice", "late", "back", *CHANNELS)),
+    st.sampled_from(("gap", "twice", "late", "back", "sparse", *CHANNELS)),
     st.integers(50, 1000),
     st.integers(1, 300),
     st.sampled_from((float("nan"), 0.6, -8.0, 1e6)),
 )
 
 
+@example("jam", [("sparse", 50, 1100, 0.0)], [400, 7, 61])
 @example("healthy", [("back", 403, 1, float("nan"))], [203])  # back into the warm-up just over
 @settings(max_examples=6, deadline=None)
 @given(

@@ -33,8 +33,9 @@ class LastReadings:
     def step(self, rows: Array) -> Array:
         """Take n rows, shape (n, channels); the same with gaps of up to ``longest`` rows held."""
         missing = np.isnan(rows)
-        if not missing.any():
-            self._last, self._age = rows[-1], np.zeros_like(self._age)
+        if np.array_equal(missing, np.broadcast_to(self._age >= self._longest, missing.shape)):
+            # Each channel is there throughout, or has long been gone.
+            self._last, self._age = rows[-1], missing[-1] * self._longest
             return rows
         number = np.arange(len(rows))[:, None]
         at = np.maximum.accumulate(np.where(missing, -1, number), axis=0)
