@@ -40,9 +40,7 @@ class WindowedMeans:
     do not accumulate over a day.
     """
 
-    def __init__(
-        self, columns: int, windows: Sequence[int], longest_gap: int | Counts = 0
-    ) -> None:
+    def __init__(self, columns: int, windows: Sequence[int], longest_gap: int | Counts = 0) -> None:
         self.windows = tuple(windows)
         self._size = max(self.windows)
         self._lengths = np.array(self.windows)

@@ -33,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 MOST_NOISE = 2.0
 """Noise of a smoothed value, in times that without a gap, beyond which it has no value."""
@@ -91,26 +92,34 @@ class Smoother:
     """Smoothed values and derivatives of several channels, and the noise that gaps add to them.
 
     A missing reading (NaN) concerns its own channel alone. It is bridged while the noise stays
-    below ``MOST_NOISE``; from then on that channel is NaN. What lies before the first row is no gap.
+    below ``MOST_NOISE``; from then on that channel is NaN. What lies before the first row is no
+    gap, nor is a reading that was refused: those beside it do not say what it should have been.
     """
 
     def __init__(self, channels: int, length: int, period_s: float) -> None:
         self._kernels = hann_kernels(length, period_s)
-        self._length, self._period_s, self._wait = length, period_s, length - 1
+        self._length, self._period_s = length, period_s
+        self._wait, self._refused_for = length - 1, 0
         self._before = np.full((length - 1, channels), np.nan)
 
-    def push(self, rows: Array) -> tuple[Array, Array | None]:
+    def push(self, rows: Array, refused: Flags | None = None) -> tuple[Array, Array | None]:
         """Take rows, shape (n, channels), with n = 1 live and many in a replay.
+
+        ``refused``, of the same shape, is where a reading is NaN since it is not to be used.
 
         Returns
         -------
         derivatives : shape (n, 3, channels), each at its delayed centre
         noise : of the same shape, standard deviation in times that without gaps; None: 1
         """
+        if refused is not None and refused.any():
+            rows, self._refused_for = np.where(refused, np.inf, rows), len(rows) + self._length
         recent = np.concatenate((self._before, rows))
         self._before = recent[len(rows) :]
+        self._refused_for = max(self._refused_for - len(rows), 0)
+        known = np.where(np.isinf(recent), np.nan, recent) if self._refused_for else recent
         # One product of the same shape for each row, whatever n is: the same last bits.
-        smooth = np.matmul(self._kernels, sliding(recent, self._length))
+        smooth = np.matmul(self._kernels, sliding(known, self._length))
         wait, self._wait = self._wait, max(self._wait - len(rows), 0)
         return smooth, bridge(recent, smooth, self._period_s, wait)
 
@@ -124,7 +133,8 @@ def bridge(recent: Array, smooth: Array, period_s: float, skip: int = 0) -> Arra
     """Fill in what a few missing readings have made NaN; the noise of all, None where it is 1.
 
     ``recent``, shape (length - 1 + n, channels), are the readings, ``smooth``, shape (n, 3,
-    channels), what the whole kernel makes of them; the first ``skip`` results stay as they are.
+    channels), what the whole kernel makes of them; the first ``skip`` results stay as they are, and
+    those over an infinite reading.
     """
     if not np.isnan(smooth[skip:, 0]).any():
         return None
@@ -133,7 +143,8 @@ def bridge(recent: Array, smooth: Array, period_s: float, skip: int = 0) -> Arra
     noise: Array | None = None
     for channel in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)):
         windows = np.lib.stride_tricks.sliding_window_view(missing[:, channel], length)
-        lost = np.count_nonzero(windows[skip:], axis=1)
+        barred = np.lib.stride_tricks.sliding_window_view(np.isinf(recent[:, channel]), length)
+        lost = np.where(barred.any(axis=1), 0, np.count_nonzero(windows, axis=1))[skip:]
         for k in (skip + np.flatnonzero((lost > 0) & (lost < length - 1))).tolist():
             kernels, amplified = gap_kernels(windows[k].tobytes(), period_s)
             readings = np.where(windows[k], 0.0, recent[k : k + length, channel])

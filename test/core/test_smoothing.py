@@ -87,6 +87,18 @@ def test_what_lies_before_the_first_row_is_no_gap():
     assert np.isfinite(push(smoother, 30.0)).all()
 
 
+def test_nothing_is_said_across_a_reading_that_was_refused():
+    rows = np.ones((80, 1))
+    rows[40] = np.nan
+    bridged, barred = Smoother(1, 31, 0.01), Smoother(1, 31, 0.01)
+    assert np.isfinite(bridged.push(rows)[0][30:]).all()
+    found = [
+        barred.push(row[None], np.isnan(row[None]) & (k == 40))[0] for k, row in enumerate(rows)
+    ]
+    gone = [k for k in range(30, 80) if np.isnan(found[k]).any()]
+    assert gone == list(range(40, 71))
+
+
 @given(st.integers(0, 2**31 - 1).filter(lambda bits: bin(bits).count("1") < 29), NUMBERS, NUMBERS)
 def test_a_ramp_comes_out_exactly_over_any_gap_that_is_bridged(bits, level, slope):
     lost = np.array([bits >> k & 1 for k in range(31)], dtype=bool)

@@ -87,6 +87,7 @@ class ResidualBank:
         self._kernel_length = counts.kernel
         self._still = 0
         self._smoother = Smoother(len(rows.channels), counts.kernel, period_s)
+        self._fine = rows.columns(rows.of_one_speed)
         self._settling = Settling(rows, period_s, counts.kernel)
         self._modes = MachineModes(rows.modes, period_s, counts.kernel) if rows.modes else None
         self._held = [k for k, row in enumerate(rows.modes) if row.stands]
@@ -96,12 +97,16 @@ class ResidualBank:
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
         self._reads = [self._read_by(row.needs) for row in rows.parities]
 
-    def step(self, rows: Array, frozen: bool) -> ResidualRows:
+    def step(
+        self, rows: Array, frozen: bool, held: Array | None = None, refused: Flags | None = None
+    ) -> ResidualRows:
         """Residuals of n >= 1 rows of readings, one after the other; shape (n, channels).
 
-        ``frozen`` stops every correction.
+        ``frozen`` stops every correction. ``held`` are the same rows with the last reading in
+        place of those that are missing for a moment, ``refused``, of the same shape, what is
+        missing since it is not to be used; None: none is.
         """
-        smooth, noise = self._smoother.push(rows)
+        smooth, noise = self._smoother.push(rows, refused)
         values = np.empty((len(rows), self._width))
         values.fill(math.nan)
         spread = np.zeros((len(rows), self._spreading, len(UNIT_PARAMETERS)))
@@ -114,9 +119,12 @@ class ResidualBank:
             formed = ResidualRows(values, spread, signals, motion, moving)
         self._settling.leave_out(formed)
         if self._modes is not None:
-            self._leave_out(self._modes, rows, formed)
+            self._leave_out(self._modes, rows if held is None else held, formed)
         if noise is not None:
             formed.noise = self._noise(noise)
+            # Sensors of one speed agree better than any curve through a gap.
+            for column in self._fine:
+                formed.leave_out(formed.noise[:, column] > 1.0, [column])
         return formed
 
     def _read_by(self, needs: Sequence[str]) -> tuple[list[int], list[int]]:
@@ -129,7 +137,7 @@ class ResidualBank:
         return [order for order, _ in read], [channel for _, channel in read]
 
     def _noise(self, noise: Array) -> Array:
-        """Noise of each residual by that of the worst signal that it is formed of, (n, residuals)."""
+        """Noise of each residual, that of the worst signal in it; shape (n, residuals)."""
         found = np.ones((len(noise), self._width))
         for place, (orders, channels) in enumerate(self._reads):
             found[:, place] = noise[:, orders, channels].max(axis=1, initial=1.0)

@@ -146,7 +146,7 @@ class ObserverChain:
 
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """The first scan at which a channel changes its state, or n; residuals and tests of all."""
-        output = self.stream.step(block.stamps_ns, reading.usable, self.freezes)
+        output = self.stream.step(block.stamps_ns, reading.raw, reading.usable, self.freezes)
         if self.order.rate.off_hz:
             output.results.z.fill(np.nan)  # derivatives and windows count scans
         return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output

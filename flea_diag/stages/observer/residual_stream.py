@@ -45,7 +45,6 @@ from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
 from flea_diag.stages.stream.last_readings import LastReadings
-from flea_diag.stages.stream.lost_scans import LostScans
 from flea_diag.wire.records import (
     NEVER_NS,
     OTHER_UNIT,
@@ -93,6 +92,7 @@ class ResidualStream:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns
         self._is_predicted = np.isin(known.channels, known.predicted)
+        self._width = len(known.channels)
         self._p = c.parameters
         self._bank = ResidualBank(
             c.parameters,
@@ -110,8 +110,8 @@ class ResidualStream:
         self._voltage = VoltageTrust(known, c.voltage_limit_v, c.counts)
         self._estimate = estimate
         self._speed = SpeedTrust(known, self._bank.has_encoder, c.counts.kernel)
-        self._lost = LostScans(known, c.counts.kernel)
-        self._last = LastReadings(len(known.channels), c.counts.kernel // 2)
+        self._last = LastReadings(self._width, c.counts.kernel // 2)
+        self._lost: Flags = np.zeros(c.counts.kernel, dtype=bool)
         self.conditions = ConditionWatch(c, relations)
         self.modes = ModeWatch(known)
         self._bands = SupplyBands(relations)
@@ -152,7 +152,6 @@ class ResidualStream:
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
-        self._lost.interrupt()
         self._last.interrupt()
         self._bank.interrupt()
         self.conditions.interrupt()
@@ -192,55 +191,66 @@ class ResidualStream:
         """An episode has opened or closed."""
         self._tests.turn(opened)
 
-    def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> StreamOutput:
-        """Take n scans, rows of usable values, SI; ``frozen`` stops corrections of estimates."""
+    def step(self, stamps_ns: Stamps, raw: Array, given: Array, frozen: bool) -> StreamOutput:
+        """Take n scans, SI, as they came and without values that are out of range.
+
+        ``frozen`` stops corrections of estimates.
+        """
         before_ns, self._last_ns = self._last_ns, int(stamps_ns[-1])
-        given, (rows, sensors) = rows, self._sensors.step(before_ns, stamps_ns, rows)
+        rows, sensors = self._sensors.step(before_ns, stamps_ns, given)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0:
             self.ledger.lose(lost)
-            self._fill(before_ns, lost, rows[0], frozen)
-        self._lost.remember(rows)
+            self._lose(before_ns, lost, frozen)
         self._voltage.withhold(given, rows)
-        output = self._follow(stamps_ns, rows, sensors, frozen)
+        output = self._follow(stamps_ns, rows, sensors, frozen, np.isnan(rows) & ~np.isnan(raw))
+        if self._lost.any():
+            self._lost = np.append(self._lost, np.zeros(len(rows), dtype=bool))[-len(self._lost) :]
         output.regressors[:, self._regressors.jumps] = self._jumps.step(given)
         return output
 
-    def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:
-        """Process interpolated rows in place of lost ones; restart where interpolation fails."""
-        filled = self._lost.filled(count, row)
-        if filled is None:
-            self.interrupt()
-            return
-        nothing = np.full((count, len(self._sensors.k)), np.nan)
+    def _lose(self, before_ns: int, count: int, frozen: bool) -> None:
+        """Take lost scans as scans without a reading, of which no record is made."""
         stamps_ns = before_ns + np.arange(1, count + 1) * self._period_ns
-        self._follow(stamps_ns, filled, nothing, frozen, read=False)
+        rows, sensors = (
+            np.full((count, width), np.nan) for width in (self._width, len(self._sensors.k))
+        )
+        self._follow(stamps_ns, rows, sensors, frozen)
+        self._lost = np.append(self._lost, np.ones(count, dtype=bool))[-len(self._lost) :]
+        if 2 * np.count_nonzero(self._lost) > len(self._lost):
+            # The filter bridges a few, and drifts over more.
+            self._estimate.interrupt()
 
     def _follow(
-        self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool, read: bool = True
-    ) -> StreamOutput:
-        residuals = self._bank.step(rows, frozen)
+        self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool,
+        refused: Flags | None = None,
+    ) -> StreamOutput:  # fmt: skip
+        """Take rows, shape (n, channels); ``refused`` are readings that are not to be used.
+
+        None: the scans are lost.
+        """
+        read = refused is not None
+        held = self._last.step(rows, refused)
+        residuals = self._bank.step(rows, frozen, held, refused)
         residuals.values[:, self._sensor_columns] = sensors
         alone = self._alone(residuals)
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(self._voltage.columns)
-        turn, held = len(rows), self._last.step(rows)
+        turn = len(rows)
         if read:
             usable, away = voltage.usable, self._sensors.away
             turn = self.conditions.step(self._p, stamps_ns, held, residuals, usable, away)
             turn = min(turn, self.modes.step(stamps_ns, residuals.modes))
         if self.envelope is not None:
             turn = min(turn, self._place(self.envelope, stamps_ns, held, residuals))
-        # The filter predicts through missing scans by itself.
-        seen = rows if read else np.where(self._is_predicted, np.nan, rows)
+        # The filter predicts through missing readings by itself, but not without its inputs.
+        seen = rows if held is rows else np.where(self._is_predicted, rows, held)
         void = self.conditions.voids or self.modes.lost
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
         self.conditions.leave_out(residuals)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
-        if self._lost.leave_out(residuals, read):
-            self._estimate.interrupt()
         if self._warm_up is not None:
             if self.modes.voids:
                 self._warm_up.begin(int(stamps_ns[-1]))

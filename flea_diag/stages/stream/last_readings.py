@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class LastReadings:
@@ -30,8 +31,11 @@ class LastReadings:
         self._last = np.full(channels, np.nan)
         self._age = np.full(channels, longest, dtype=np.int64)
 
-    def step(self, rows: Array) -> Array:
-        """Take n rows, shape (n, channels); the same with gaps of up to ``longest`` rows held."""
+    def step(self, rows: Array, refused: Flags | None = None) -> Array:
+        """Take n rows, shape (n, channels); the same with gaps of up to ``longest`` rows held.
+
+        ``refused`` are readings that there were: nothing is held in their place.
+        """
         missing = np.isnan(rows)
         if np.array_equal(missing, np.broadcast_to(self._age >= self._longest, missing.shape)):
             # Each channel is there throughout, or has long been gone.
@@ -43,6 +47,8 @@ class LastReadings:
         age = number - np.where(before, -1 - self._age, at)
         found = np.where(before, self._last, np.take_along_axis(rows, np.maximum(at, 0), axis=0))
         held = np.where(age <= self._longest, found, np.nan)
+        if refused is not None:
+            held[refused] = np.nan
         self._last, self._age = found[-1], np.minimum(age[-1], self._longest)
         return held
 

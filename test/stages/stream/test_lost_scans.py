@@ -22,13 +22,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numpy as np
 import pytest
 from support.decisions import BAGS
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
-from flea_diag.stages.stream.lost_scans import parabola
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
@@ -77,15 +75,6 @@ def test_a_fault_is_found_with_one_in_five_lost(bag: str) -> None:
     whole, sparse = diagnosed(bag, lambda _: False), diagnosed(bag, some(3, 0.2))
     assert sparse["ambiguity_group"] == whole["ambiguity_group"]
     assert sparse["detected_at_s"] == pytest.approx(whole["detected_at_s"], abs=0.3)
-
-
-def test_a_parabola_is_met_exactly() -> None:
-    def at(t: float) -> np.ndarray:
-        return np.array([2.0 - 3.0 * t + 0.5 * t * t])
-
-    steps = np.array([[1.0], [2.0], [3.0]])
-    found = parabola(steps, 4, (at(-1.0), at(0.0), at(4.0)))
-    assert found.ravel() == pytest.approx([at(t)[0] for t in (1.0, 2.0, 3.0)])
 
 
 def test_a_starved_stream_is_said_and_no_fault() -> None:
