@@ -77,7 +77,8 @@ class SensorLimit(Frozen):
     correlation: a mean of w has scatter / sqrt(w). ``repeats`` equal readings in a row are a
     reading that is held (0: not tested), ``reach`` is the largest step from one scan to the
     next, ``step`` the largest sudden step of a position (0: none). ``k`` is the limit in
-    sigmas of the noise test.
+    sigmas of the noise test. A reading comes with each of ``every`` scans, and is missing or held
+    in between. ``rested``: whether the recordings show what it does at rest.
     """
 
     channel: str
@@ -88,6 +89,8 @@ class SensorLimit(Frozen):
     reach: NotNegative
     step: NotNegative
     k: NotNegative
+    every: Count = 1
+    rested: bool = True
 
     def has(self, test: str) -> bool:
         """Whether a residual of ``sensor_tests`` can be judged by this limit."""

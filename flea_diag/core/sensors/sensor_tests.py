@@ -21,7 +21,7 @@ one or in blocks, with identical results.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,13 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.noise_test import NoiseTest
+from flea_diag.core.sensors.own_readings import (
+    KEPT,
+    OwnReadings,
+    ReadingTrain,
+    train_steps,
+    unusual,
+)
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
 from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, REST_S, SensorLimit, at_rest
@@ -94,8 +101,8 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
-        count = sensors.speed_of_a_count(period_s)
-        quanta = [count if name == sensors.speed else 0.0 for name in self._names]
+        still = {**sensors.positions, sensors.speed: sensors.speed_of_a_count(period_s)}
+        quanta = [still.get(name, 0.0) for name in self._names]
         self._guards = [
             ReadingGuard(limit, period_s, quantum)
             for limit, quantum in zip(self._limits, quanta, strict=True)
@@ -108,6 +115,8 @@ class SensorTests:
         rests = {name: rest for name, rest in sensors.positions.items() if name in self._names}
         self._positions = [self._names.index(name) for name in rests]
         self._rest = np.array(list(rests.values()))
+        self._placed = np.full((self._rest_scans, len(self._positions)), np.nan)
+        """Last known positions, scan by scan."""
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
@@ -123,6 +132,10 @@ class SensorTests:
             if limit.step > 0.0 and limit.channel in names
         ]
         self._paired = sensors.paired and len(self._steps) == 2
+        stepping = [index for _, index in self._steps]
+        self._step_groups = [tuple(stepping)] if self._paired else [(k,) for k in stepping]
+        self._all = [(index,) for index in range(len(self._limits))]
+        self._readings = OwnReadings(list(dict.fromkeys((*self._all, *self._step_groups))))
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
@@ -156,6 +169,8 @@ class SensorTests:
     def interrupt(self) -> None:
         """A gap in the stream: no test spans it."""
         self._recent[:] = np.nan
+        self._placed[:] = np.nan
+        self._readings.interrupt()
         for guard in self._guards:
             guard.interrupt()
 
@@ -172,12 +187,18 @@ class SensorTests:
         stepping = self._stepping, self._paired, self._step_places, self._sizes
         near = recent[-(count + 2 * SPAN - 1) :]
         anywhere = look(rows, self._columns, bounds, stepping, near, inside, z, odd)
+        trains = self._readings.step(self._scan, recent[-(count + KEPT) :], count)
+        own = {group[0]: train for group, train in trains.items() if len(group) == 1}
+        if trains:
+            anywhere |= self._look_apart(trains, own, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
         self.away = void = self._rushes(near, inside) if leaps else None
         self._recent = recent[count:]
-        z[:, self._places["noise"]] = self._noise.step(inside)
+        noise = self._noise.own(own, inside) if own else None
+        z[:, self._places["noise"]] = self._noise.step(inside, noise)
+        placed = self._place(recent, count)
         if anywhere or self._watched:
-            self._watch(recent, odd, usable, z)
+            self._watch(recent, placed, own, (odd, usable, z))
         if void is not None:
             z[np.ix_(void, self._step_places)] = 0.0
         self._scan += count
@@ -225,57 +246,112 @@ class SensorTests:
         odd[:] = (np.abs(now - before) > reach) | (now == before)
         return bool(odd.any())
 
-    def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
+    def _look_apart(
+        self,
+        trains: Mapping[tuple[int, ...], ReadingTrain],
+        own: Mapping[int, ReadingTrain],
+        z: Array,
+        odd: Flags,
+    ) -> bool:
+        """The same of channels that lack readings: of each its own are looked at."""
+        for index, train in own.items():
+            odd[:, index] = False
+            odd[train.places, index] = unusual(train, self._reach[index])
+        for group in self._step_groups:
+            if group in trains:
+                places = [place for place, index in self._steps if index in group]
+                sizes = [self._limits[index].step for index in group]
+                steps = without_shared(train_steps(trains[group]).T)
+                enough = trains[group].count(len(z)) >= KEPT
+                z[:, places] = np.where(enough, 0.0, np.nan)[:, None]
+                z[np.ix_(trains[group].places, places)] = np.transpose(steps) / sizes
+        return bool(odd.any())
+
+    def _place(self, recent: Array, count: int) -> Array:
+        """Last known positions up to each row, beginning ``_rest_scans`` rows before the first."""
+        rows = np.concatenate((self._placed, recent[-count:, self._positions]))
+        missing = np.isnan(rows)
+        if missing.any():
+            last = np.where(missing, 0, np.arange(len(rows))[:, None])
+            rows = np.take_along_axis(rows, np.maximum.accumulate(last, axis=0), axis=0)
+        self._placed = rows[-self._rest_scans :]
+        return rows
+
+    def _watch(
+        self,
+        recent: Array,
+        placed: Array,
+        own: Mapping[int, ReadingTrain],
+        block: tuple[Flags, Array, Array],
+    ) -> None:
         """Step through the channels with a jump or a hold, now or until now."""
+        odd, _, z = block
         count = len(odd)
         self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
         for index in sorted(self._watched):
-            rests = self._rests(index, recent, count)
-            readings = recent[-count - 3 :, index].tolist()
-            self._follow(index, readings, odd[:, index], rests, usable, z)
+            rests = self._rests(index, placed, count)
+            if index in own:
+                self._hold(index, slice(0, next(iter(own[index].places), count)), z)
+                readings, scans = own[index].last(3)
+                self._follow(index, readings[:, 0].tolist(), scans.tolist(), rests, block)
+            else:
+                readings = recent[-count - 3 :, index]
+                self._follow(index, readings.tolist(), range(-3, count), rests, block)
         self._watched = {index for index in self._watched if self._guards[index].busy}
 
-    def _rests(self, index: int, recent: Array, count: int) -> list[bool]:
+    def _rests(self, index: int, placed: Array, count: int) -> list[bool]:
         """The last scans in which a constant reading is correct: the encoder speed at rest."""
         if self._names[index] != self._sensors.speed:
             return [False] * count
-        last = recent[-count - self._rest_scans :, self._positions]
-        rests: list[bool] = at_rest(last, self._rest, self._rest_scans).tolist()
+        rests: list[bool] = at_rest(placed, self._rest, self._rest_scans).tolist()
         return rests
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
         steps = [position_steps(recent[:, index]) for _, index in self._steps]
-        if not self._paired:
-            return steps
-        one, other = steps
-        alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
-        return [step - np.copysign(alike, step) for step in steps]
+        return without_shared(steps) if self._paired else steps
 
     def _follow(
         self,
         index: int,
         readings: list[float],
-        odd: Flags,
+        scans: Sequence[int],
         rests: list[bool],
-        usable: Array,
-        z: Array,
+        block: tuple[Flags, Array, Array],
     ) -> None:
-        """Judge the eventful scans of a channel; ``readings`` begins three scans earlier."""
+        """Judge the eventful readings of a channel; ``readings`` begins with three earlier ones."""
         guard, limit = self._guards[index], self._limits[index]
-        column, stuck, dropout, step = self._own[index]
-        for n in _eventful(odd, guard):
-            value = readings[n + 3]
+        column, _, _, step = self._own[index]
+        odd, usable, z = block
+        places = scans[3:]
+        for n in _eventful(odd[places, index], guard):
+            value, scan = readings[n + 3], places[n]
             guard.wake(*readings[n : n + 3])
             at_end = not self._low[index] < value < self._high[index]
-            withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
+            gap = scan - scans[n + 2]
+            withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
             if withheld:
-                usable[n, column] = np.nan
+                usable[scan, column] = np.nan
             self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
             if step is not None and guard.disturbed:
-                z[n, step] = leapt / limit.step
-            if limit.repeats:
-                z[n, stuck], z[n, dropout] = guard.run, len(guard.events)
+                z[scan, step] = leapt / limit.step
+            self._hold(index, slice(scan, places[n + 1] if n + 1 < len(places) else None), z)
+
+    def _hold(self, index: int, scans: slice, z: Array) -> None:
+        """What has been counted stands until the next reading."""
+        _, stuck, dropout, _ = self._own[index]
+        if self._limits[index].repeats:
+            guard = self._guards[index]
+            z[scans, stuck], z[scans, dropout] = guard.run, len(guard.events)
+
+
+def without_shared(steps: Sequence[Array]) -> list[Array]:
+    """Steps of one position, or of two without what they share: that is motion."""
+    if len(steps) < 2:
+        return list(steps)
+    one, other = steps
+    alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+    return [step - np.copysign(alike, step) for step in steps]
 
 
 def _eventful(odd: Flags, guard: ReadingGuard) -> Iterator[int]:
