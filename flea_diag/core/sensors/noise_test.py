@@ -44,8 +44,8 @@ Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Own = tuple[Flags, Array, Flags]
-"""Which channels lack readings, shape (channels,); logarithms of the noise of each reading of those,
-NaN where it cannot be told, and where they have none, shape (n, channels)."""
+"""Which channels lack readings, shape (channels,); the logarithm of the noise of each of their
+readings, NaN where it cannot be told, and where they have none, both of shape (n, channels)."""
 
 WARM_UP_SCANS = 600  # assumption: size of a sample
 LARGEST_BASELINE = 0.7
@@ -86,6 +86,8 @@ class NoiseTest:
         self._whole = np.zeros(count, dtype=bool), np.empty((0, count)), np.empty((0, count), bool)
         self._first = np.zeros(2 * count, dtype=np.int64)
         self._scans = 0
+        self._sound: dict[int, Flags] = {}
+        """Of channels that lack readings, which of their last three are inside their range."""
         # During its first seconds a unit may be as noisy as any unit.
         self._ceiling = self._loudest + UNIT_LOG + LARGEST_BASELINE
 
@@ -110,14 +112,18 @@ class NoiseTest:
         self._learn(count)
         return found
 
-    def own(self, trains: Mapping[int, ReadingTrain], inside: Array) -> Own:
-        """What ``step`` takes of channels that lack readings; ``inside`` is its ``recent``.
+    def own(self, trains: Mapping[int, ReadingTrain], inside: Array) -> Own | None:
+        """What ``step`` takes of channels that lack readings, if any; ``inside`` is its ``recent``.
 
         The rest of a motion in the noise grows with the third power of the time between readings:
         of that much is taken off what lies above nominal.
         """
+        if not trains:
+            self._sound = {}
+            return None
         logs = np.full((len(inside) - 3, inside.shape[1]), math.nan)
         missing, lacking = np.zeros(logs.shape, dtype=bool), np.zeros(logs.shape[1], dtype=bool)
+        kept: dict[int, Flags] = {}
         for channel, train in trains.items():
             lacking[channel], missing[:, channel] = True, True
             missing[train.places, channel] = False
@@ -126,8 +132,12 @@ class NoiseTest:
             most = math.exp(2.0 * (self._quietest[channel] - loudest))
             more = 0.5 * np.log(most + apart**6 * (1.0 - most))
             less = np.where(apart > 1.0, np.maximum(loudest, found - more), found)
-            found = np.where(np.isnan(inside[3 + train.places, channel]), math.nan, found)
-            logs[train.places, channel] = np.minimum(found, less)
+            sound = ~np.isnan(inside[:, channel])
+            row = np.append(self._sound.get(channel, sound[:3]), sound[3 + train.places])
+            four = row[:-3] & row[1:-2] & row[2:-1] & row[3:]
+            logs[train.places, channel] = np.where(four, np.minimum(found, less), math.nan)
+            kept[channel] = row[-3:]
+        self._sound = kept
         return lacking, logs, missing
 
     def _follow(self, recent: Array, own: Own, count: int) -> Array:

@@ -90,7 +90,7 @@ class OwnReadings:
         ``scan`` is the number of the first of them.
         """
         missing = np.isnan(recent)
-        lacking = missing.any(axis=0)
+        lacking = np.asarray(missing.any(axis=0))
         found = {}
         if lacking.any():
             for group in self._groups:

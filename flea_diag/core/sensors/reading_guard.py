@@ -27,6 +27,7 @@ from collections import deque
 
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import SPAN
+from flea_diag.core.sensors.rest_watch import STUCK_S
 from flea_diag.core.sensors.sensor_limits import DROPOUT_S, REACH_GUARD, SensorLimit
 
 HOLD_S = 0.1
@@ -34,8 +35,6 @@ HOLD_S = 0.1
 LEAST_HELD = 2
 """Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
 jumps. A reading that does not jump is one after as many repeats as chance allows."""
-STUCK_S = 0.5
-"""A reading held for this long is stuck; held for less it is a drop-out."""
 
 
 def stuck_scans(limit: SensorLimit, period_s: float) -> int:

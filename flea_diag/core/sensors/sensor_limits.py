@@ -32,13 +32,11 @@ from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import position_steps
+from flea_diag.core.sensors.rest_watch import REST_S, STUCK_S, at_rest, long_runs
 from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.fields.values import AtLeastOne, Count, NotNegative
 
 Array = npt.NDArray[np.float64]
-
-REST_S = 0.03
-"""Time within which a position is seen to move: shorter than a drop-out."""
 
 NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 UNIT_LOG = 0.3
@@ -128,18 +126,6 @@ def noise_logs(values: Array, resolution: float | Array) -> Array:
     third = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
     logs: Array = np.log(np.maximum(np.abs(third) / math.sqrt(20.0), resolution))
     return logs
-
-
-def at_rest(positions: Array, rest: Array, scans: int) -> npt.NDArray[np.bool_]:
-    """Where no position has moved in so many scans, shape (n, positions) gives (n - scans,).
-
-    ``rest`` are their ``SensorSet.positions``. Without a position nothing says so.
-    """
-    with np.errstate(invalid="ignore"):
-        moved = np.abs(positions[scans:] - positions[:-scans]) > rest
-    rests = np.full(len(moved), bool(positions.shape[1]))
-    rests &= ~moved.any(axis=1)
-    return rests
 
 
 def sensor_limits(
@@ -241,9 +227,13 @@ def _rested(
     """Whether the recordings show the channel at rest; where no position is read none tells."""
     if not any(name in run for name in sensors.positions for run in runs):
         return True
-    scans = ScanCounts(period_s).of(REST_S)
-    rests = [_rests(sensors, run, scans) & np.isfinite(run[channel]) for run in runs]
-    return sum(int(np.count_nonzero(rest)) for rest in rests) >= NOISE_WINDOWS[-1]
+    counts = ScanCounts(period_s)
+    rests = [_rests(sensors, run, counts.of(REST_S)) for run in runs]
+    known = [
+        np.count_nonzero(long_runs(rest, counts.of(STUCK_S)) & np.isfinite(run[channel]))
+        for run, rest in zip(runs, rests, strict=True)
+    ]
+    return int(sum(known)) >= NOISE_WINDOWS[-1]
 
 
 def _largest_step(columns: Sequence[Array], rare: float) -> float:
@@ -307,10 +297,8 @@ def _repeats(
     counts = ScanCounts(period_s)
     scans = counts.of(REST_S)
     came = [np.isfinite(run[channel]) for run in runs]
-    steps = [
-        np.diff(_in_use(channel, sensors, run, scans)[at])
-        for run, at in zip(runs, came, strict=True)
-    ]
+    used = [_in_use(channel, sensors, run, scans) for run in runs]
+    steps = [np.diff(readings[at]) for readings, at in zip(used, came, strict=True)]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
     rests = [_rests(sensors, run, scans)[at][1:] for run, at in zip(runs, came, strict=True)]
     every = np.concatenate(same)

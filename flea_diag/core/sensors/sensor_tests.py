@@ -37,9 +37,10 @@ from flea_diag.core.sensors.own_readings import (
     train_steps,
     unusual,
 )
-from flea_diag.core.sensors.position_step import SPAN, position_steps
+from flea_diag.core.sensors.position_step import position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, REST_S, SensorLimit, at_rest
+from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
 from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
@@ -110,13 +111,10 @@ class SensorTests:
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)
-        self._rest_scans = counts.of(REST_S)
-        self._recent = np.full((max(2 * SPAN - 1, self._rest_scans), len(self._limits)), np.nan)
-        rests = {name: rest for name, rest in sensors.positions.items() if name in self._names}
-        self._positions = [self._names.index(name) for name in rests]
-        self._rest = np.array(list(rests.values()))
-        self._placed = np.full((self._rest_scans, len(self._positions)), np.nan)
-        """Last known positions, scan by scan."""
+        rest_scans = counts.of(REST_S)
+        self._recent = np.full((KEPT, len(self._limits)), np.nan)
+        unseen = [limit.channel for limit in self._limits if not limit.rested]
+        self._rest = RestWatch(self._names, unseen, sensors, rest_scans)
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
@@ -169,7 +167,7 @@ class SensorTests:
     def interrupt(self) -> None:
         """A gap in the stream: no test spans it."""
         self._recent[:] = np.nan
-        self._placed[:] = np.nan
+        self._rest.interrupt()
         self._readings.interrupt()
         for guard in self._guards:
             guard.interrupt()
@@ -185,20 +183,20 @@ class SensorTests:
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired, self._step_places, self._sizes
-        near = recent[-(count + 2 * SPAN - 1) :]
-        anywhere = look(rows, self._columns, bounds, stepping, near, inside, z, odd)
-        trains = self._readings.step(self._scan, recent[-(count + KEPT) :], count)
+        anywhere = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
+        trains = self._readings.step(self._scan, recent, count)
         own = {group[0]: train for group, train in trains.items() if len(group) == 1}
         if trains:
             anywhere |= self._look_apart(trains, own, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
-        self.away = void = self._rushes(near, inside) if leaps else None
+        self.away = void = self._rushes(recent, inside) if leaps else None
         self._recent = recent[count:]
-        noise = self._noise.own(own, inside) if own else None
+        self._rest.step(recent[-count:])
+        self._rest.leave_out(inside)
+        noise = self._noise.own(own, inside)
         z[:, self._places["noise"]] = self._noise.step(inside, noise)
-        placed = self._place(recent, count)
         if anywhere or self._watched:
-            self._watch(recent, placed, own, (odd, usable, z))
+            self._watch(recent, own, (odd, usable, z))
         if void is not None:
             z[np.ix_(void, self._step_places)] = 0.0
         self._scan += count
@@ -261,26 +259,15 @@ class SensorTests:
             if group in trains:
                 places = [place for place, index in self._steps if index in group]
                 sizes = [self._limits[index].step for index in group]
-                steps = without_shared(train_steps(trains[group]).T)
+                steps = without_shared(list(train_steps(trains[group]).T))
                 enough = trains[group].count(len(z)) >= KEPT
                 z[:, places] = np.where(enough, 0.0, np.nan)[:, None]
-                z[np.ix_(trains[group].places, places)] = np.transpose(steps) / sizes
+                z[trains[group].places[:, None], places] = np.transpose(steps) / sizes
         return bool(odd.any())
-
-    def _place(self, recent: Array, count: int) -> Array:
-        """Last known positions up to each row, beginning ``_rest_scans`` rows before the first."""
-        rows = np.concatenate((self._placed, recent[-count:, self._positions]))
-        missing = np.isnan(rows)
-        if missing.any():
-            last = np.where(missing, 0, np.arange(len(rows))[:, None])
-            rows = np.take_along_axis(rows, np.maximum.accumulate(last, axis=0), axis=0)
-        self._placed = rows[-self._rest_scans :]
-        return rows
 
     def _watch(
         self,
         recent: Array,
-        placed: Array,
         own: Mapping[int, ReadingTrain],
         block: tuple[Flags, Array, Array],
     ) -> None:
@@ -289,7 +276,8 @@ class SensorTests:
         count = len(odd)
         self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
         for index in sorted(self._watched):
-            rests = self._rests(index, placed, count)
+            known = self._rest.of(index)
+            rests = [False] * count if known is None else known.tolist()
             if index in own:
                 self._hold(index, slice(0, next(iter(own[index].places), count)), z)
                 readings, scans = own[index].last(3)
@@ -298,13 +286,6 @@ class SensorTests:
                 readings = recent[-count - 3 :, index]
                 self._follow(index, readings.tolist(), range(-3, count), rests, block)
         self._watched = {index for index in self._watched if self._guards[index].busy}
-
-    def _rests(self, index: int, placed: Array, count: int) -> list[bool]:
-        """The last scans in which a constant reading is correct: the encoder speed at rest."""
-        if self._names[index] != self._sensors.speed:
-            return [False] * count
-        rests: list[bool] = at_rest(placed, self._rest, self._rest_scans).tolist()
-        return rests
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
