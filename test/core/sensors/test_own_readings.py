@@ -77,6 +77,10 @@ def run(limits, rows: np.ndarray, block: int = 50, backend: str = "numpy"):
     return np.concatenate([d.usable for d in done]), np.concatenate([d.z for d in done]), tests.k
 
 
+def louder(count: int) -> np.ndarray:
+    return 3e-3 * np.random.default_rng(1).standard_normal(count)
+
+
 def called(limits, rows: np.ndarray) -> dict[str, int]:
     _, z, k = run(limits, rows)
     with np.errstate(invalid="ignore"):
@@ -146,7 +150,7 @@ def test_healthy_channels_that_lack_readings_are_quiet(limits, how) -> None:
 @pytest.mark.parametrize(
     ("name", "column", "spoil"),
     [
-        ("actuator_position_noise", 1, lambda v: v + 3e-3 * np.random.default_rng(1).normal(size=len(v))),
+        ("actuator_position_noise", 1, lambda v: v + louder(len(v))),
         ("actuator_position_stuck", 1, lambda v: np.full(len(v), v[0])),
         ("motor_speed_dropout", 0, lambda v: v * (np.arange(len(v)) % 60 >= 10)),
         ("actuator_position", 1, lambda v: v + 8e-3),
