@@ -154,11 +154,9 @@ def sensor_limits(
 def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array], scans: int) -> Array:
     """Readings of a channel without those in which it rightly stands still."""
     readings = run[channel]
-    return (
-        np.where(_rests(sensors, run, scans), np.nan, readings)
-        if channel == sensors.speed
-        else readings
-    )
+    if channel == sensors.speed:
+        readings = np.where(_rests(sensors, run, scans), np.nan, readings)
+    return readings
 
 
 def _rests(sensors: SensorSet, run: Mapping[str, Array], scans: int) -> npt.NDArray[np.bool_]:
