@@ -125,7 +125,7 @@ def _sensors(told: Knowledge) -> SensorKnowledge:
     speeds = _motions(rows, calibration.parameters)
     motion = {channel: speed for channel, speed in speeds.items() if speed.signal in names}
     tests = frozenset(row.name for row in rows.sensor_rows)
-    unseen = told.symptoms.death_unseen
+    unseen = (*told.symptoms.death_unseen, *told.symptoms.death_s)
     tables = told.signatures.values()
     stepping = frozenset(
         name

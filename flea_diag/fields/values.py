@@ -79,6 +79,7 @@ Positive = Annotated[float, within(1e-12, above=0.0)]
 NotNegative = Annotated[float, within(0.0)]
 Share = Annotated[float, within(0.0, 1.0)]
 Count = Annotated[int, within(0)]
+AtLeastOne = Annotated[int, within(1)]
 
 
 class Refusal(Exception):  # noqa: N818

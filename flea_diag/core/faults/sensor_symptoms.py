@@ -40,6 +40,8 @@ class SensorSymptoms(Frozen):
         Residual in no signature table -> sensors whose faults alone move it.
     death_unseen
         Channels whose own tests cannot tell a reading that stands still from a healthy one.
+    death_s
+        How long that takes them where readings come seldom, s.
     """
 
     positions: tuple[str, ...] = ()
@@ -48,3 +50,4 @@ class SensorSymptoms(Frozen):
     stretched: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     death_unseen: tuple[str, ...] = ()
+    death_s: Mapping[str, float] = field(default_factory=dict)

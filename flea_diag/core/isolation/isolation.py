@@ -208,16 +208,20 @@ class Isolation:
         symbols: Mapping[str, str],
         moved: Collection[str],
         settled: bool = True,
+        followed_s: float = math.inf,
     ) -> None:
         """Drop faults whose defining symptom is absent, once it had time to appear.
 
         Noise and dropout are changes of noise, a dead sensor reads a constant. ``symbols`` are
         the magnitudes seen so far; ``moved`` the channels that moved since the detection. Before
         the group is ``settled`` only modes are dropped whose symptom comes with the detection.
+        ``followed_s``: time since then.
         """
         for hypothesis in self.alive():
             fault = hypothesis.fault
-            if fault.mode == "dead" and fault.channel in self._sensors.death_unseen:
+            shown_s = self._sensors.death_s.get(fault.channel, 0.0)
+            unseen = fault.channel in self._sensors.death_unseen or followed_s < shown_s
+            if fault.mode == "dead" and unseen:
                 continue
             defining = DEFINED_BY.get(fault.mode, ())
             tests = [f"{fault.channel}_{test}" for test, _ in defining]

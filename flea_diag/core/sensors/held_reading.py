@@ -87,10 +87,11 @@ class HeldReadings:
             asks = [math.nan] * len(rows) if command is None else rows[:, command].tolist()
             # Plain numbers: one scan costs less than one call of numpy.
             for value, asked in zip(values, asks, strict=True):
-                same = value == held
-                run = run + (abs(asked - before) > 0.0) if same else 0
-                alone = alone + (asked != asked) if same else 0
-                held, before = value, asked
+                if value == value:
+                    same = value == held
+                    run = run + (abs(asked - before) > 0.0) if same else 0
+                    alone = alone + 1 if same and asked != asked else 0
+                    held, before = value, before if asked != asked else asked
                 told.append(run)
                 withheld.append(alone >= self._least[channel])
             self._last[channel] = held, before, run, alone

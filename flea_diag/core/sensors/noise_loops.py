@@ -26,39 +26,59 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 def noise_loops(
     recent: Array,
+    own: tuple[Flags, Array, Flags],
     levels: tuple[Array, Array, Array, Array],
     sigma: Array,
     store: Counts,
     start: int,
     sums: Counts,
+    first: Counts,
     lengths: Counts,
     found: Array,
 ) -> None:
     """Row after row; ``recent`` begins three rows before the first, ``store`` at ``start``.
 
-    ``levels`` are resolution, largest, ceiling and floor of each channel.
+    ``own`` is that of ``NoiseTest.step``. ``levels`` are resolution, largest, ceiling and floor of
+    each channel; ``first`` adds up all samples.
     """
     resolution, most, ceiling, floor = levels
+    lacking, logs, missing = own
     channels = len(resolution)
     for i in range(len(found)):
         at = start + i
         for c in range(channels):
-            a, b, e, d = recent[i + 3, c], recent[i + 2, c], recent[i + 1, c], recent[i, c]
-            third = a - 3.0 * b + 3.0 * e - d
-            known = not math.isnan(third)
-            log = 0.0
-            if known:
-                log = min(math.log(max(abs(third) / math.sqrt(20.0), resolution[c])), most[c])
-            store[at, c], store[at, channels + c] = np.int64(np.rint(log * 1e6)), known
+            passed = lacking[c] and missing[i, c]
+            if passed:
+                # The window counts readings: its column moves along.
+                for k in range(at, at - lengths[-1], -1):
+                    store[k, c] = store[k - 1, c]
+                    store[k, channels + c] = store[k - 1, channels + c]
+            else:
+                log = 0.0
+                if lacking[c]:
+                    known = not math.isnan(logs[i, c])
+                    log = min(logs[i, c], most[c]) if known else 0.0
+                else:
+                    a, b, e, d = recent[i + 3, c], recent[i + 2, c], recent[i + 1, c], recent[i, c]
+                    third = a - 3.0 * b + 3.0 * e - d
+                    known = not math.isnan(third)
+                    if known:
+                        noise = max(abs(third) / math.sqrt(20.0), resolution[c])
+                        log = min(math.log(noise), most[c])
+                store[at, c], store[at, channels + c] = np.int64(np.rint(log * 1e6)), known
+                first[c] += store[at, c]
+                first[channels + c] += store[at, channels + c]
             found[i, c] = 0.0
             for w in range(len(lengths)):
-                gone = at - lengths[w]
-                sums[w, c] += store[at, c] - store[gone, c]
-                sums[w, channels + c] += store[at, channels + c] - store[gone, channels + c]
+                if not passed:
+                    gone = at - lengths[w]
+                    sums[w, c] += store[at, c] - store[gone, c]
+                    sums[w, channels + c] += store[at, channels + c] - store[gone, channels + c]
                 samples = sums[w, channels + c]
                 mean = 1e-6 * sums[w, c] / max(samples, 1)
                 if 2 * samples >= lengths[w] and not floor[c] <= mean <= ceiling[c]:

@@ -27,6 +27,7 @@ from collections import deque
 
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import SPAN
+from flea_diag.core.sensors.rest_watch import STUCK_S
 from flea_diag.core.sensors.sensor_limits import DROPOUT_S, REACH_GUARD, SensorLimit
 
 HOLD_S = 0.1
@@ -34,21 +35,19 @@ HOLD_S = 0.1
 LEAST_HELD = 2
 """Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
 jumps. A reading that does not jump is one after as many repeats as chance allows."""
-STUCK_S = 0.5
-"""A reading held for this long is stuck; held for less it is a drop-out."""
 
 
 def stuck_scans(limit: SensorLimit, period_s: float) -> int:
-    """Scans after which a held reading counts as stuck."""
-    return max(ScanCounts(period_s).of(STUCK_S), 2 * limit.repeats)
+    """Scans after which a held reading counts as stuck; one that comes seldom has no drop-outs."""
+    return max(ScanCounts(period_s).of(STUCK_S), (1 + (limit.every == 1)) * limit.repeats)
 
 
 class ReadingGuard:
     """Detects jumps and held readings of one channel.
 
-    ``quantum``: of a reading that counts, about the size of a count. A motion holds it for a
-    moment, too, and it goes on as it came: a drop-out is left by more than a count, and by more
-    than the reading went in each of the two scans before it.
+    ``quantum``: of a reading that counts, about the size of a count; of a position what it goes by
+    at rest. A motion holds it for a moment, too, and it goes on as it came: a drop-out is left by
+    more than that, and by more than the reading went in each of the two scans before it.
     """
 
     def __init__(self, limit: SensorLimit, period_s: float, quantum: float = 0.0) -> None:
@@ -84,19 +83,16 @@ class ReadingGuard:
             self._came = abs(before - first), self._step
 
     def take(
-        self, scan: int, value: float, at_end: bool, rests: bool = False
+        self, scan: int, value: float, at_end: bool, rests: bool = False, gap: int = 1
     ) -> tuple[bool, float]:
         """Judge one reading: whether it is withheld, and the size of a confirmed jump (else 0).
 
-        While the actuator ``rests`` a held reading is not counted. A missing reading neither ends
-        a hold nor begins one.
+        While the actuator ``rests`` a held reading is not counted. ``gap``: scans since the reading
+        before; those that are missing are none.
         """
         while self.events and self.events[0] <= scan - self._memory:
             self.events.popleft()
-        if value != value:
-            self._last = value
-            return False, 0.0
-        leapt = self._leap(scan, value - self._last)
+        leapt = self._leap(scan, value - self._last, gap * self._limit.reach)
         held = self._held(scan, value, at_end, rests)
         return held or self._away > 0, leapt
 
@@ -114,10 +110,10 @@ class ReadingGuard:
         self._last = self._level = value
         return bool(least) and self.run >= least
 
-    def _leap(self, scan: int, change: float) -> float:
+    def _leap(self, scan: int, change: float, reach: float) -> float:
         """Track a reading that jumped; its step once it has stayed at the new level, else 0."""
-        leaps, leapt = abs(change) > self._limit.reach, 0.0
-        goes_on = change * self._went > 0.0 and REACH_GUARD * abs(change) > self._limit.reach
+        leaps, leapt = abs(change) > reach, 0.0
+        goes_on = change * self._went > 0.0 and REACH_GUARD * abs(change) > reach
         self._went = change if leaps or goes_on else 0.0
         self._calm = max(self._calm - 1, 0)
         if goes_on:

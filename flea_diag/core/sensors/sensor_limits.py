@@ -32,13 +32,11 @@ from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import position_steps
+from flea_diag.core.sensors.rest_watch import REST_S, STUCK_S, at_rest, long_runs
 from flea_diag.core.sensors.sensor_set import SensorSet
-from flea_diag.fields.values import Count, NotNegative
+from flea_diag.fields.values import AtLeastOne, Count, NotNegative
 
 Array = npt.NDArray[np.float64]
-
-REST_S = 0.03
-"""Time within which a position is seen to move: shorter than a drop-out."""
 
 NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 UNIT_LOG = 0.3
@@ -66,6 +64,10 @@ SENSOR_SHARE = 0.1
 """Share of the rate of false alarms that all these tests together may use."""
 LONGEST_REPEAT_S = 2.0
 """A reading that nominally stands still for longer than this is not tested for it."""
+LONGEST_REPEATS = 20
+"""The same of one that comes more seldom than scans, in its own readings."""
+SELDOM = 0.05
+"""Share of the times between changes that may be shorter than a reading takes to come: jitter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,8 @@ class SensorLimit(Frozen):
     correlation: a mean of w has scatter / sqrt(w). ``repeats`` equal readings in a row are a
     reading that is held (0: not tested), ``reach`` is the largest step from one scan to the
     next, ``step`` the largest sudden step of a position (0: none). ``k`` is the limit in
-    sigmas of the noise test.
+    sigmas of the noise test. A reading comes with each of ``every`` scans, and is missing or held
+    in between. ``rested``: whether the recordings show what it does at rest.
     """
 
     channel: str
@@ -88,6 +91,8 @@ class SensorLimit(Frozen):
     reach: NotNegative
     step: NotNegative
     k: NotNegative
+    every: AtLeastOne = 1
+    rested: bool = True
 
     def has(self, test: str) -> bool:
         """Whether a residual of ``sensor_tests`` can be judged by this limit."""
@@ -123,18 +128,6 @@ def noise_logs(values: Array, resolution: float | Array) -> Array:
     return logs
 
 
-def at_rest(positions: Array, rest: Array, scans: int) -> npt.NDArray[np.bool_]:
-    """Where no position has moved in so many scans, shape (n, positions) gives (n - scans,).
-
-    ``rest`` are their ``SensorSet.positions``. Without a position nothing says so.
-    """
-    with np.errstate(invalid="ignore"):
-        moved = np.abs(positions[scans:] - positions[:-scans]) > rest
-    rests = np.full(len(moved), bool(positions.shape[1]))
-    rests &= ~moved.any(axis=1)
-    return rests
-
-
 def sensor_limits(
     runs: Sequence[Mapping[str, Array]],
     sensors: SensorSet,
@@ -161,11 +154,9 @@ def sensor_limits(
 def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array], scans: int) -> Array:
     """Readings of a channel without those in which it rightly stands still."""
     readings = run[channel]
-    return (
-        np.where(_rests(sensors, run, scans), np.nan, readings)
-        if channel == sensors.speed
-        else readings
-    )
+    if channel == sensors.speed:
+        readings = np.where(_rests(sensors, run, scans), np.nan, readings)
+    return readings
 
 
 def _rests(sensors: SensorSet, run: Mapping[str, Array], scans: int) -> npt.NDArray[np.bool_]:
@@ -186,16 +177,20 @@ def _limit(
     period_s: float,
 ) -> SensorLimit:
     columns = [run[channel] for run in runs]
-    repeats = _repeats(channel, sensors, runs, rate_per_s, period_s)
+    between, apart = _apart(columns)
+    repeats, every = _repeats(channel, sensors, runs, rate_per_s, period_s), between
+    if not repeats and apart > 1:
+        repeats, every = _slow_repeats(columns, apart, rate_per_s, period_s), between * apart
     if channel in sensors.held:
-        return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0)
+        return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0, every)
     quietest, loudest, scatter = _noise(columns, sensors.resolutions[channel])
-    steps = [np.abs(np.diff(column)) for column in columns]
-    steps = [step[np.isfinite(step)] for step in steps]
+    came = [np.flatnonzero(np.isfinite(column)) for column in columns]
+    readings = [column[at] for column, at in zip(columns, came, strict=True)]
+    steps = [np.abs(np.diff(r)) / np.diff(at) for r, at in zip(readings, came, strict=True)]
     way = max(float(np.quantile(step, REACH_QUANTILE)) for step in steps)
     sudden = 0.0
     if channel in sensors.positions:
-        sudden = _largest_step(columns, _quantile(rate_per_s * period_s))
+        sudden = _largest_step([r / between for r in readings], _quantile(rate_per_s * period_s))
     return SensorLimit(
         channel,
         quietest,
@@ -205,7 +200,38 @@ def _limit(
         REACH_GUARD * way,
         _step_limit(sudden, way),
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
+        every,
+        _rested(channel, sensors, runs, period_s),
     )
+
+
+def _apart(columns: Sequence[Array]) -> tuple[int, int]:
+    """Scans from one reading to the next, and readings from one to the next that may differ.
+
+    A slow instrument is read faster than it measures: its readings change after a time that is
+    always the same, or after some of them where it measures what it did before.
+    """
+    came = [np.flatnonzero(np.isfinite(column)) for column in columns]
+    between = float(np.median(np.concatenate([np.diff(at) for at in came])))
+    changes = [np.flatnonzero(np.diff(c[at])) for c, at in zip(columns, came, strict=True)]
+    apart = np.concatenate([np.diff(change) for change in changes])
+    held = float(np.quantile(apart, SELDOM, method="lower")) if len(apart) else 1.0
+    return max(1, round(between)), max(1, round(held))
+
+
+def _rested(
+    channel: str, sensors: SensorSet, runs: Sequence[Mapping[str, Array]], period_s: float
+) -> bool:
+    """Whether the recordings show the channel at rest; where no position is read none tells."""
+    if not any(name in run for name in sensors.positions for run in runs):
+        return True
+    counts = ScanCounts(period_s)
+    rests = [_rests(sensors, run, counts.of(REST_S)) for run in runs]
+    known = [
+        np.count_nonzero(long_runs(rest, counts.of(STUCK_S)) & np.isfinite(run[channel]))
+        for run, rest in zip(runs, rests, strict=True)
+    ]
+    return int(sum(known)) >= NOISE_WINDOWS[-1]
 
 
 def _largest_step(columns: Sequence[Array], rare: float) -> float:
@@ -268,9 +294,12 @@ def _repeats(
     """
     counts = ScanCounts(period_s)
     scans = counts.of(REST_S)
-    steps = [np.diff(_in_use(channel, sensors, run, scans)) for run in runs]
+    came = [np.isfinite(run[channel]) for run in runs]
+    used = [_in_use(channel, sensors, run, scans) for run in runs]
+    steps = [np.diff(readings[at]) for readings, at in zip(used, came, strict=True)]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
-    every, rests = np.concatenate(same), [_rests(sensors, run, scans)[1:] for run in runs]
+    rests = [_rests(sensors, run, scans)[at][1:] for run, at in zip(runs, came, strict=True)]
+    every = np.concatenate(same)
     still = np.concatenate([r[np.isfinite(s)] for r, s in zip(rests, steps, strict=True)])
     # A drive that is off rightly holds its voltage; its command tells that from a fault.
     parts = () if channel in sensors.held else (every[still], every[~still])
@@ -284,10 +313,29 @@ def _repeats(
     return repeats if repeats <= counts.of(LONGEST_REPEAT_S) else 0
 
 
-def _share(same: npt.NDArray[np.bool_]) -> float:
-    """Probability that a reading repeats the one before; 0 where too few tell it."""
-    few = len(same) < NOISE_WINDOWS[-1]
-    return 0.0 if few else float((1 + same.sum()) / (2 + len(same)))
+def _slow_repeats(columns: Sequence[Array], apart: int, rate_per_s: float, period_s: float) -> int:
+    """The same of an instrument that measures once in ``apart`` readings, as a number of readings.
+
+    A run of them is a stuck one at the stated rate; it has no drop-outs, which are shorter.
+    """
+    same = []
+    for column in columns:
+        times = np.diff(np.flatnonzero(np.diff(column[np.isfinite(column)])))
+        measured = np.maximum(np.rint(times / apart).astype(np.int64), 1)
+        row = np.ones(int(measured.sum()), dtype=bool)
+        row[np.cumsum(measured) - 1] = False
+        same.append(row)
+    share = _share(np.concatenate(same), NOISE_WINDOWS[0])
+    if not share:
+        return 0
+    by_chance = math.ceil(math.log(rate_per_s * period_s * apart) / math.log(share))
+    repeats = max(by_chance, 2 + max(_longest(row, but=0) for row in same))
+    return repeats * apart if repeats <= LONGEST_REPEATS else 0
+
+
+def _share(same: npt.NDArray[np.bool_], least: int = NOISE_WINDOWS[-1]) -> float:
+    """Probability that a reading repeats the one before; 0 where fewer than ``least`` tell it."""
+    return 0.0 if len(same) < least else float((1 + same.sum()) / (2 + len(same)))
 
 
 def _longest(same: npt.NDArray[np.bool_], but: int) -> int:

@@ -21,7 +21,7 @@ one or in blocks, with identical results.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +30,17 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.noise_test import NoiseTest
-from flea_diag.core.sensors.position_step import SPAN, position_steps
+from flea_diag.core.sensors.own_readings import (
+    KEPT,
+    OwnReadings,
+    ReadingTrain,
+    train_steps,
+    unusual,
+)
+from flea_diag.core.sensors.position_step import position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, REST_S, SensorLimit, at_rest
+from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
 from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
@@ -94,8 +102,8 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
-        count = sensors.speed_of_a_count(period_s)
-        quanta = [count if name == sensors.speed else 0.0 for name in self._names]
+        still = {**sensors.positions, sensors.speed: sensors.speed_of_a_count(period_s)}
+        quanta = [still.get(name, 0.0) for name in self._names]
         self._guards = [
             ReadingGuard(limit, period_s, quantum)
             for limit, quantum in zip(self._limits, quanta, strict=True)
@@ -103,11 +111,10 @@ class SensorTests:
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)
-        self._rest_scans = counts.of(REST_S)
-        self._recent = np.full((max(2 * SPAN - 1, self._rest_scans), len(self._limits)), np.nan)
-        rests = {name: rest for name, rest in sensors.positions.items() if name in self._names}
-        self._positions = [self._names.index(name) for name in rests]
-        self._rest = np.array(list(rests.values()))
+        rest_scans = counts.of(REST_S)
+        self._recent = np.full((KEPT, len(self._limits)), np.nan)
+        unseen = [limit.channel for limit in self._limits if not limit.rested]
+        self._rest = RestWatch(self._names, unseen, sensors, rest_scans)
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
@@ -123,6 +130,10 @@ class SensorTests:
             if limit.step > 0.0 and limit.channel in names
         ]
         self._paired = sensors.paired and len(self._steps) == 2
+        stepping = [index for _, index in self._steps]
+        self._step_groups = [tuple(stepping)] if self._paired else [(k,) for k in stepping]
+        self._all = [(index,) for index in range(len(self._limits))]
+        self._readings = OwnReadings(list(dict.fromkeys((*self._all, *self._step_groups))))
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
@@ -156,6 +167,8 @@ class SensorTests:
     def interrupt(self) -> None:
         """A gap in the stream: no test spans it."""
         self._recent[:] = np.nan
+        self._rest.interrupt()
+        self._readings.interrupt()
         for guard in self._guards:
             guard.interrupt()
 
@@ -170,14 +183,20 @@ class SensorTests:
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired, self._step_places, self._sizes
-        near = recent[-(count + 2 * SPAN - 1) :]
-        anywhere = look(rows, self._columns, bounds, stepping, near, inside, z, odd)
+        anywhere = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
+        trains = self._readings.step(self._scan, recent, count)
+        own = {group[0]: train for group, train in trains.items() if len(group) == 1}
+        if trains:
+            anywhere |= self._look_apart(trains, own, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
-        self.away = void = self._rushes(near, inside) if leaps else None
+        self.away = void = self._rushes(recent, inside) if leaps else None
         self._recent = recent[count:]
-        z[:, self._places["noise"]] = self._noise.step(inside)
+        self._rest.step(recent[-count:])
+        self._rest.leave_out(inside)
+        noise = self._noise.own(own, inside)
+        z[:, self._places["noise"]] = self._noise.step(inside, noise)
         if anywhere or self._watched:
-            self._watch(recent, odd, usable, z)
+            self._watch(recent, own, (odd, usable, z))
         if void is not None:
             z[np.ix_(void, self._step_places)] = 0.0
         self._scan += count
@@ -225,57 +244,95 @@ class SensorTests:
         odd[:] = (np.abs(now - before) > reach) | (now == before)
         return bool(odd.any())
 
-    def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
+    def _look_apart(
+        self,
+        trains: Mapping[tuple[int, ...], ReadingTrain],
+        own: Mapping[int, ReadingTrain],
+        z: Array,
+        odd: Flags,
+    ) -> bool:
+        """The same of channels that lack readings: of each its own are looked at."""
+        for index, train in own.items():
+            odd[:, index] = False
+            odd[train.places, index] = unusual(train, self._reach[index])
+        for group in self._step_groups:
+            if group in trains:
+                places = [place for place, index in self._steps if index in group]
+                sizes = [self._limits[index].step for index in group]
+                steps = without_shared(list(train_steps(trains[group]).T))
+                enough = trains[group].count(len(z)) >= KEPT
+                z[:, places] = np.where(enough, 0.0, np.nan)[:, None]
+                z[trains[group].places[:, None], places] = np.transpose(steps) / sizes
+        return bool(odd.any())
+
+    def _watch(
+        self,
+        recent: Array,
+        own: Mapping[int, ReadingTrain],
+        block: tuple[Flags, Array, Array],
+    ) -> None:
         """Step through the channels with a jump or a hold, now or until now."""
+        odd, _, z = block
         count = len(odd)
         self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
         for index in sorted(self._watched):
-            rests = self._rests(index, recent, count)
-            readings = recent[-count - 3 :, index].tolist()
-            self._follow(index, readings, odd[:, index], rests, usable, z)
+            known = self._rest.of(index)
+            rests = [False] * count if known is None else known.tolist()
+            if index in own:
+                self._hold(index, slice(0, next(iter(own[index].places), count)), z)
+                readings, scans = own[index].last(3)
+                self._follow(index, readings[:, 0].tolist(), scans.tolist(), rests, block)
+            else:
+                readings = recent[-count - 3 :, index]
+                self._follow(index, readings.tolist(), range(-3, count), rests, block)
         self._watched = {index for index in self._watched if self._guards[index].busy}
-
-    def _rests(self, index: int, recent: Array, count: int) -> list[bool]:
-        """The last scans in which a constant reading is correct: the encoder speed at rest."""
-        if self._names[index] != self._sensors.speed:
-            return [False] * count
-        last = recent[-count - self._rest_scans :, self._positions]
-        rests: list[bool] = at_rest(last, self._rest, self._rest_scans).tolist()
-        return rests
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
         steps = [position_steps(recent[:, index]) for _, index in self._steps]
-        if not self._paired:
-            return steps
-        one, other = steps
-        alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
-        return [step - np.copysign(alike, step) for step in steps]
+        return without_shared(steps) if self._paired else steps
 
     def _follow(
         self,
         index: int,
         readings: list[float],
-        odd: Flags,
+        scans: Sequence[int],
         rests: list[bool],
-        usable: Array,
-        z: Array,
+        block: tuple[Flags, Array, Array],
     ) -> None:
-        """Judge the eventful scans of a channel; ``readings`` begins three scans earlier."""
+        """Judge the eventful readings of a channel; ``readings`` begins with three earlier ones."""
         guard, limit = self._guards[index], self._limits[index]
-        column, stuck, dropout, step = self._own[index]
-        for n in _eventful(odd, guard):
-            value = readings[n + 3]
+        column, _, _, step = self._own[index]
+        odd, usable, z = block
+        places = scans[3:]
+        for n in _eventful(odd[places, index], guard):
+            value, scan = readings[n + 3], places[n]
             guard.wake(*readings[n : n + 3])
             at_end = not self._low[index] < value < self._high[index]
-            withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
+            gap = scan - scans[n + 2]
+            withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
             if withheld:
-                usable[n, column] = np.nan
+                usable[scan, column] = np.nan
             self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
             if step is not None and guard.disturbed:
-                z[n, step] = leapt / limit.step
-            if limit.repeats:
-                z[n, stuck], z[n, dropout] = guard.run, len(guard.events)
+                z[scan, step] = leapt / limit.step
+            self._hold(index, slice(scan, places[n + 1] if n + 1 < len(places) else None), z)
+
+    def _hold(self, index: int, scans: slice, z: Array) -> None:
+        """What has been counted stands until the next reading."""
+        _, stuck, dropout, _ = self._own[index]
+        if self._limits[index].repeats:
+            guard = self._guards[index]
+            z[scans, stuck], z[scans, dropout] = guard.run, len(guard.events)
+
+
+def without_shared(steps: Sequence[Array]) -> list[Array]:
+    """Steps of one position, or of two without what they share: that is motion."""
+    if len(steps) < 2:
+        return list(steps)
+    one, other = steps
+    alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+    return [step - np.copysign(alike, step) for step in steps]
 
 
 def _eventful(odd: Flags, guard: ReadingGuard) -> Iterator[int]:

@@ -68,13 +68,15 @@ class EpisodeEvaluation:
             self._apply_likelihoods(stamp_ns, episode)
         # An isolator that was started later has no evidence from before its first scan.
         followed_ns = stamp_ns - max(episode.shared.detected_ns, self._stand.first_ns)
-        if followed_ns / 1e9 >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
+        followed_s = followed_ns / 1e9
+        if followed_s >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
         require_jumps(stamp_ns, episode, self._jumps, self._stand)
         if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(
-                stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled
-            )
+                stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(),
+                episode.settled, followed_s,
+            )  # fmt: skip
 
     def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
         fits = self._quantitative.fits(episode)

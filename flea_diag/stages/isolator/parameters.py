@@ -27,6 +27,7 @@ from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.signatures.signature import SignatureTable
 from flea_diag.wire.parameters import parameter
 
@@ -156,5 +157,11 @@ class Knowledge:
             if limit.channel in resolutions and not limit.shows_death(resolutions[limit.channel])
         )
         # The voltage of a supply is not tested by itself: it may stand still.
+        period_s = self.calibration.period_s
+        slow = {
+            limit.channel: stuck_scans(limit, period_s) * period_s
+            for limit in self.calibration.sensors
+            if limit.every > 1 and limit.repeats
+        }
         supplies = (band.channel for band in residuals.bands if band.channel not in resolutions)
-        return replace(residuals.symptoms, death_unseen=(*unseen, *supplies))
+        return replace(residuals.symptoms, death_unseen=(*unseen, *supplies), death_s=slow)

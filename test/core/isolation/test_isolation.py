@@ -14,6 +14,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -224,16 +226,34 @@ def test_faults_defined_by_a_symptom_go_when_it_stays_out():
     assert "still follows the motion" in isolation.hypotheses["actuator_position_dead"].why_dropped
 
 
-def test_a_death_that_no_test_can_show_is_not_dropped_for_showing_nothing():
+def of_joint(repeats: int) -> Isolation:
     """The joint's temperature is read twice a second and held in between: a healthy reading."""
     joint = load_stand("joint")
-    known = knowledge(joint, load_calibration(joint.calibration))
-    assert known.symptoms.death_unseen == ("motor_temperature",)
-    isolation = Isolation(known.faults, known.signatures, known.symptoms)
+    learned = load_calibration(joint.calibration)
+    slow = [limit.channel == "motor_temperature" for limit in learned.sensors]
+    sensors = tuple(
+        replace(limit, repeats=repeats, every=50 if repeats else 1) if is_slow else limit
+        for limit, is_slow in zip(learned.sensors, slow, strict=True)
+    )
+    known = knowledge(joint, replace(learned, sensors=sensors))
+    return Isolation(known.faults, known.signatures, known.symptoms)
+
+
+def test_a_death_that_no_test_can_show_is_not_dropped_for_showing_nothing():
+    isolation = of_joint(repeats=0)
     isolation.require(9, {}, ())
     assert "motor_temperature_dead" in alive(isolation)
     assert not {"motor_current_dead", "motor_temperature_noise"} & alive(isolation)
     assert stands.knowledge().symptoms.death_unseen == ()
+
+
+def test_a_death_that_takes_nine_slow_readings_to_show_is_not_dropped_sooner():
+    isolation = of_joint(repeats=450)
+    isolation.require(9, {}, (), followed_s=4.4)
+    assert "motor_temperature_dead" in alive(isolation)
+    assert "motor_current_dead" not in alive(isolation)
+    isolation.require(10, {}, (), followed_s=4.6)
+    assert "motor_temperature_dead" not in alive(isolation)
 
 
 def test_faults_defined_by_a_symptom_stay_when_it_shows():
