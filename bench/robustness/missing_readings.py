@@ -18,7 +18,7 @@ python bench/robustness/missing_readings.py               2 runs of each fault a
 python bench/robustness/missing_readings.py 1 --machine ema --seed 4200
 
 Each run is diagnosed whole, with 3, 10 and 30 % of all readings missing at random, with one channel
-at half its rate, and with a tenth of the scans lost. A fault is found where the last group holds it.
+at half its rate, and with a tenth of the scans lost. A fault is found if the last group holds it.
 Times count from the onset to the detection.
 """
 
@@ -59,7 +59,7 @@ Random = np.random.Generator
 
 
 def at_random(part: float, values: Values, draw: Random) -> Values:
-    """This part of all readings is missing."""
+    """So much of all readings is missing."""
     values[draw.random(values.shape) < part] = np.nan
     return values
 

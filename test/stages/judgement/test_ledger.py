@@ -111,8 +111,9 @@ def test_a_pause_is_no_judgement_and_lost_scans_are_a_gap() -> None:
 
 
 def lacking(channel: str, every: int) -> list[Scan]:
+    """One reading in so many is there."""
     return [
-        after(scan, **{channel: math.nan}) if k % every == 0 else scan
+        after(scan, **{channel: math.nan}) if k % every else scan
         for k, scan in enumerate(healthy())
     ]
 
@@ -121,7 +122,7 @@ def said(records: Iterable[Record]) -> AmbiguityGroup:
     return stands.of(AmbiguityGroup, list(records))[-1]
 
 
-@pytest.mark.parametrize("every", [2, 20, 31])
+@pytest.mark.parametrize("every", [5, 20, 31])
 def test_nothing_is_nominal_whose_friction_was_not_judged(every: int) -> None:
     verdict = said(
         stands.replay(stands.pipeline(), [stands.table(), *lacking("load_force", every)])
@@ -134,7 +135,7 @@ def test_nothing_is_nominal_whose_friction_was_not_judged(every: int) -> None:
 
 
 def test_a_relation_that_is_not_judged_is_named_beside_no_deviation() -> None:
-    spoilt = lacking("motor_temperature", 2)
+    spoilt = lacking("motor_temperature", 20)
     verdict = said(stands.replay(stands.pipeline(), [stands.table(), *spoilt]))
     whole = said(stands.replay(stands.pipeline(), [stands.table(), *healthy()]))
     assert verdict.outcome is whole.outcome is Outcome.NOMINAL
@@ -142,13 +143,13 @@ def test_a_relation_that_is_not_judged_is_named_beside_no_deviation() -> None:
     assert verdict.words.startswith(
         "no deviation in what was judged; not judged in the last 10 s: "
     )
-    assert "motor_temperature lacks 50 % of its readings" in verdict.words
+    assert "motor_temperature lacks 95 % of its readings" in verdict.words
     assert len(verdict.not_observable) > len(whole.not_observable)
 
 
 @pytest.mark.slow
 def test_blocks_and_single_scans_give_the_same_ledger() -> None:
-    spoilt = [stands.table(), *lacking("load_force", 29)]
+    spoilt = [stands.table(), *lacking("load_force", 5)]
     single = stands.of(DataQuality, stands.feed(stands.observer(), spoilt))
     blocks = stands.of(DataQuality, stands.replay(stands.observer(), spoilt))
     assert single == blocks
