@@ -26,7 +26,7 @@ from typing import Any
 import pytest
 from support.disk.failing_disk import FailingDisk
 from support.graph.network import Network
-from support.graph.runs import Run, run_of
+from support.graph.runs import PERIOD_NS, Run, run_of
 from support.graph.scheduler import Scheduler
 from support.graph.world import World
 
@@ -49,6 +49,9 @@ HEALTHY, JAM = 0, 2
 LENGTH_S = 16.0
 QUIET = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL}
 BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
+
+UNKNOWN = {Outcome.DETECTED, Outcome.MODEL_MISMATCH, *BLIND}
+"""What names no component for sure."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,46 @@ def in_another_unit(channel: str, factor: float, run: Run) -> Run:
     return replace(run, scans=tuple(scans))
 
 
+def late(channel: str, by_s: float, run: Run) -> Run:
+    """One channel comes later than the others."""
+    column, by = run.scans[0].channels.index(channel), round(by_s * 1e9 / PERIOD_NS)
+    scans = []
+    for number, scan in enumerate(run.scans):
+        values = list(scan.values)
+        values[column] = run.scans[max(0, number - by)].values[column]
+        scans.append(replace(scan, values=tuple(values)))
+    return replace(run, scans=tuple(scans))
+
+
+def cut_off(channel: str, most: float, run: Run) -> Run:
+    """One channel is cut off at these values."""
+    column = run.scans[0].channels.index(channel)
+    scans = []
+    for scan in run.scans:
+        values = list(scan.values)
+        values[column] = min(max(values[column], -most), most)
+        scans.append(replace(scan, values=tuple(values)))
+    return replace(run, scans=tuple(scans))
+
+
+def swapped(one: str, other: str, run: Run) -> Run:
+    """Two channels are exchanged."""
+    names = list(run.scans[0].channels)
+    places = {one: names.index(other), other: names.index(one)}
+    order = [places.get(name, k) for k, name in enumerate(names)]
+    return replace(
+        run, scans=tuple(replace(s, values=tuple(s.values[k] for k in order)) for s in run.scans)
+    )
+
+
+def with_it_from_the_start(_run: Run) -> Run:
+    """Of a longer run with a jam, only what comes a second after its onset."""
+    run = run_of(JAM, 2.0 * LENGTH_S)
+    start_ns = run.onset_ns + 1_000_000_000
+    late_scans = (scan for scan in run.scans if scan.stamp_ns >= start_ns)
+    return replace(run, scans=tuple(replace(s, stamp_ns=s.stamp_ns - start_ns) for s in late_scans))
+
+
 def ends(at_s: float, run: Run) -> Run:
     """The source dies."""
     return replace(run, scans=tuple(s for s in run.scans if s.stamp_ns < 1e9 * at_s))
@@ -113,6 +156,38 @@ def at_rate(rate_hz: float, run: Run) -> Run:
 
     return replace(run, scans=tuple(sampled(list(run.scans), rate_hz)))
 
+
+WIRINGS: dict[str, tuple[str, Any]] = {
+    "a load cell with its sign turned": (
+        "load_force: its sign is turned", partial(in_another_unit, "load_force", -1.0)
+    ),
+    "a load cell 200 ms late": (
+        "load_force: it comes 200 ms late", partial(late, "load_force", 0.2)
+    ),
+    "a load cell in inches of its scale": (
+        "load_force: it reads 25.4", partial(in_another_unit, "load_force", 25.4)
+    ),
+    "newtons as millinewtons": (
+        "load_force: it reads 1000 times", partial(in_another_unit, "load_force", 1000.0)
+    ),
+    "a command with its sign turned": (
+        "commanded_voltage: its sign is turned", partial(in_another_unit, "commanded_voltage", -1.0)
+    ),
+    "a command cut off": (
+        "commanded_voltage: it is cut off", partial(cut_off, "commanded_voltage", 8.0)
+    ),
+    "a position 50 ms late": (
+        "actuator_position: it comes 50 ms late", partial(late, "actuator_position", 0.05)
+    ),
+    "revolutions a minute as rad/s": (
+        "motor_speed: it reads 9.55", partial(in_another_unit, "motor_speed", 30.0 / math.pi)
+    ),
+    "positions swapped": (
+        "actuator_position and load_position are swapped",
+        partial(swapped, "actuator_position", "load_position"),
+    ),
+}  # fmt: skip
+"""What is wired wrong on a healthy stand: its words, and what it does to a run."""
 
 ROWS: dict[str, Row] = {
     "one load in 33 is missing": Row(
@@ -155,6 +230,16 @@ ROWS: dict[str, Row] = {
         HEALTHY, QUIET, Outcome.NOMINAL, beside=(HEALTHY + 1, 7_000_000), change=partial(ends, 6.0)
     ),
     "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
+    **{
+        what: Row(
+            HEALTHY, UNKNOWN, Outcome.DATA_UNUSABLE, words, change=change
+        )
+        for what, (words, change) in WIRINGS.items()
+    },
+    "a jam from the first scan on": Row(
+        JAM, {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, *QUIET},
+        Outcome.INDISTINGUISHABLE, "jam", change=with_it_from_the_start,
+    ),
     "through its life cycle again": Row(
         HEALTHY, QUIET, Outcome.NOMINAL, troubles=("configured_again",)
     ),
@@ -199,3 +284,16 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
              if isinstance(r, AmbiguityGroup)]  # fmt: skip
     assert {v.outcome for v in again} <= row.allowed
     assert again[-1].outcome is row.last, again[-1].words
+
+
+@pytest.mark.parametrize("name", WIRINGS)
+def test_the_evidence_names_the_wiring_too(name: str) -> None:
+    words, change = WIRINGS[name]
+    run = change(run_of(HEALTHY, LENGTH_S))
+    pipeline = make_pipeline(load_stand(), configuration="evidence")
+    said = [r for r in replay.diagnosed(in_blocks([run.table, *run.scans]), pipeline)
+            if isinstance(r, AmbiguityGroup)]  # fmt: skip
+    assert {v.outcome for v in said} <= UNKNOWN
+    assert said[-1].outcome is Outcome.DATA_UNUSABLE
+    assert words in said[-1].words
+    assert not said[-1].members

@@ -44,8 +44,9 @@ PATIENCE_S = 8.0
 """Time after the first deviation that is waited for enough motion."""
 LEAST_S = 2.0
 """Time in motion without which nothing can be told."""
-MOSTLY = 0.5
-"""Share of its readings that a channel must have out of range for them to be looked at."""
+SPIKES = 0.05
+"""Share of the readings of a channel out of range up to which these are left out; more of them are
+of another unit, and are looked at as well."""
 
 
 class WiringWatch:
@@ -137,8 +138,8 @@ class WiringWatch:
 
 
 def _readings(rows: Array) -> Array:
-    """Usable readings of shape (n, 2, channels); all of a channel that is mostly out of range."""
+    """Usable readings of shape (n, 2, channels); all of a channel that is often out of range."""
     raw, usable = rows[:, 0], rows[:, 1]
     read, used = np.isfinite(raw).sum(axis=0), np.isfinite(usable).sum(axis=0)
-    made = np.where(used < MOSTLY * read, raw, usable)
+    made = np.where(used < (1.0 - SPIKES) * read, raw, usable)
     return np.where(np.abs(made) < BEYOND_BOUNDS, made, np.nan)
