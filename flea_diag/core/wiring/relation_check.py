@@ -66,6 +66,11 @@ class Holding:
         return max(float(np.nanmax(self.share, initial=0.0)), self.unit)
 
     @property
+    def place(self) -> int:
+        """Column of the residual with the largest share; of some where nothing was judged."""
+        return int(np.argmax(np.nan_to_num(self.share, nan=-1.0)))
+
+    @property
     def holds(self) -> bool:
         """Whether all relations are within their limits."""
         return self.worst <= 1.0
@@ -88,12 +93,15 @@ class RelationCheck(Frozen):
         self._tolerance = np.maximum(calibration.tolerances(), LEAST)
         self._prior = np.diag(1.0 / np.square(self._tolerance))
 
-    def hold(self, rows: Array) -> Holding:
-        """How the relations hold on rows of readings, shape (n, channels), from a fresh start."""
+    def hold(self, rows: Array, fitted: bool = True) -> Holding:
+        """How the relations hold on rows of readings, shape (n, channels), from a fresh start.
+
+        ``fitted`` to the unit, or of one as calibrated.
+        """
         c = self._c
         bank = ResidualBank(c.parameters, self._relations, period_s=c.period_s, counts=c.counts)
         formed = bank.step(rows, False)
-        change = self._unit(formed)
+        change = self._unit(formed) if fitted else np.zeros(len(UNIT_PARAMETERS))
         share = np.full(len(self._known.rows), np.nan)
         judged = np.zeros(len(share))
         apart = np.abs(change) / self._tolerance

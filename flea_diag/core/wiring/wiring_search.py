@@ -20,7 +20,7 @@ about as well as the best one are named beside it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,25 +85,29 @@ class WiringSearch(Frozen):
         ``suspected``: a test deviates, so wirings are tried where the relations hold as well.
         """
         found = self._check.hold(rows)
-        if not len(np.flatnonzero(found.judged)) or (found.holds and not suspected):
+        if not found.count or (found.holds and not suspected):
             return SearchResult()
-        place = int(np.nanargmax(np.where(np.isnan(found.share), -1.0, found.share)))
-        residual = self._known.rows[place].name
-        explaining = sorted(self._explaining(rows, found, residual), key=lambda s: s[0].squares)
+        # What is fitted to a unit may carry over into another relation.
+        alike = self._check.hold(rows, fitted=False)
+        residual, other = (self._known.rows[each.place].name for each in (found, alike))
+        suspects = {*channels_of(self._known, residual), *channels_of(self._known, other)}
+        explaining = sorted(self._explaining(rows, found, suspects), key=lambda s: s[0].squares)
         if not explaining:
             return SearchResult(not found.holds)
         best = explaining[0][0]
         faults = tuple(w for held, w in explaining if held.squares <= best.squares + BESIDE)
-        share = float(found.share[place])
-        finding = WiringFinding(faults, residual, share, best.worst, best.is_typical)
+        finding = WiringFinding(
+            faults, residual, float(found.share[found.place]), best.worst, best.is_typical
+        )
         return SearchResult(True, finding)
 
-    def _explaining(self, rows: Array, found: Holding, residual: str) -> Iterator[Scored]:
-        """Wirings of the channels of a residual without which all relations hold."""
-        suspects = channels_of(self._known, residual)
+    def _explaining(
+        self, rows: Array, found: Holding, suspects: Collection[str]
+    ) -> Iterator[Scored]:
+        """Wirings of these channels without which all relations hold."""
         for fault in wiring_faults(self._known, rows, suspects):
             yield from self._tried(rows, found, fault)
-        for channel in suspects:
+        for channel in (name for name in self._known.channels if name in suspects):
             best = self._best(rows, found, lags(channel, self._period_s))
             yield from self._tried(rows, found, best)
 
