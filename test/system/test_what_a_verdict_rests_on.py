@@ -26,9 +26,10 @@ from typing import Any
 import pytest
 from support.disk.failing_disk import FailingDisk
 from support.graph.network import Network
-from support.graph.runs import PERIOD_NS, Run, run_of
+from support.graph.runs import Run, run_of
 from support.graph.scheduler import Scheduler
 from support.graph.world import World
+from support.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -105,36 +106,9 @@ def in_another_unit(channel: str, factor: float, run: Run) -> Run:
     return replace(run, scans=tuple(scans))
 
 
-def late(channel: str, by_s: float, run: Run) -> Run:
-    """One channel comes later than the others."""
-    column, by = run.scans[0].channels.index(channel), round(by_s * 1e9 / PERIOD_NS)
-    scans = []
-    for number, scan in enumerate(run.scans):
-        values = list(scan.values)
-        values[column] = run.scans[max(0, number - by)].values[column]
-        scans.append(replace(scan, values=tuple(values)))
-    return replace(run, scans=tuple(scans))
-
-
-def cut_off(channel: str, most: float, run: Run) -> Run:
-    """One channel is cut off at these values."""
-    column = run.scans[0].channels.index(channel)
-    scans = []
-    for scan in run.scans:
-        values = list(scan.values)
-        values[column] = min(max(values[column], -most), most)
-        scans.append(replace(scan, values=tuple(values)))
-    return replace(run, scans=tuple(scans))
-
-
-def swapped(one: str, other: str, run: Run) -> Run:
-    """Two channels are exchanged."""
-    names = list(run.scans[0].channels)
-    places = {one: names.index(other), other: names.index(one)}
-    order = [places.get(name, k) for k, name in enumerate(names)]
-    return replace(
-        run, scans=tuple(replace(s, values=tuple(s.values[k] for k in order)) for s in run.scans)
-    )
+def rewired(change: Wiring, run: Run) -> Run:
+    """A channel is wired wrong."""
+    return replace(run, scans=change(run.scans))
 
 
 def with_it_from_the_start(_run: Run) -> Run:
@@ -157,30 +131,30 @@ def at_rate(rate_hz: float, run: Run) -> Run:
     return replace(run, scans=tuple(sampled(list(run.scans), rate_hz)))
 
 
-WIRINGS: dict[str, tuple[str, Any]] = {
+WIRINGS: dict[str, tuple[str, Wiring]] = {
     "a load cell with its sign turned": (
-        "load_force: its sign is turned", partial(in_another_unit, "load_force", -1.0)
+        "load_force: its sign is turned", partial(scaled, "load_force", -1.0)
     ),
     "a load cell 200 ms late": (
-        "load_force: it comes 200 ms late", partial(late, "load_force", 0.2)
+        "load_force: it comes 200 ms late", partial(late, "load_force", 20)
     ),
-    "a load cell in inches of its scale": (
-        "load_force: it reads 25.4", partial(in_another_unit, "load_force", 25.4)
+    "a load cell with 25.4 times its scale": (
+        "load_force: it reads 25.4", partial(scaled, "load_force", 25.4)
     ),
     "newtons as millinewtons": (
-        "load_force: it reads 1000 times", partial(in_another_unit, "load_force", 1000.0)
+        "load_force: it reads 1000 times", partial(scaled, "load_force", 1000.0)
     ),
     "a command with its sign turned": (
-        "commanded_voltage: its sign is turned", partial(in_another_unit, "commanded_voltage", -1.0)
+        "commanded_voltage: its sign is turned", partial(scaled, "commanded_voltage", -1.0)
     ),
     "a command cut off": (
-        "commanded_voltage: it is cut off", partial(cut_off, "commanded_voltage", 8.0)
+        "commanded_voltage: it is cut off", partial(cut_off, "commanded_voltage", 0.6)
     ),
     "a position 50 ms late": (
-        "actuator_position: it comes 50 ms late", partial(late, "actuator_position", 0.05)
+        "actuator_position: it comes 50 ms late", partial(late, "actuator_position", 5)
     ),
     "revolutions a minute as rad/s": (
-        "motor_speed: it reads 9.55", partial(in_another_unit, "motor_speed", 30.0 / math.pi)
+        "motor_speed: it reads 9.55", partial(scaled, "motor_speed", 30.0 / math.pi)
     ),
     "positions swapped": (
         "actuator_position and load_position are swapped",
@@ -232,7 +206,7 @@ ROWS: dict[str, Row] = {
     "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
     **{
         what: Row(
-            HEALTHY, UNKNOWN, Outcome.DATA_UNUSABLE, words, change=change
+            HEALTHY, UNKNOWN, Outcome.DATA_UNUSABLE, words, change=partial(rewired, change)
         )
         for what, (words, change) in WIRINGS.items()
     },
@@ -289,7 +263,7 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", WIRINGS)
 def test_the_evidence_names_the_wiring_too(name: str) -> None:
     words, change = WIRINGS[name]
-    run = change(run_of(HEALTHY, LENGTH_S))
+    run = rewired(change, run_of(HEALTHY, LENGTH_S))
     pipeline = make_pipeline(load_stand(), configuration="evidence")
     said = [r for r in replay.diagnosed(in_blocks([run.table, *run.scans]), pipeline)
             if isinstance(r, AmbiguityGroup)]  # fmt: skip

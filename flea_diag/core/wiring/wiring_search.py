@@ -38,7 +38,7 @@ Scored = tuple[Holding, WiringFault]
 
 LEAST_JUDGED, LEAST_UNCLIPPED = 0.5, 0.05
 """Share of the samples of a relation that must be left to judge it by."""
-ENOUGH_S = 1.5
+ENOUGH_S = 1.0
 """Time of samples that is enough: a reading that is too large moves where the machine rests."""
 BESIDE = 20.0
 """By how much more than those of the best the squares of another wiring may be."""
@@ -82,10 +82,11 @@ class WiringSearch(Frozen):
     def search(self, rows: Array, suspected: bool) -> SearchResult:
         """What explains readings, shape (n, channels).
 
-        ``suspected``: a test deviates, so wirings are tried where the relations hold as well.
+        ``suspected``: a test deviates, so wirings are tried as well where the relations hold, but
+        not as they do on a healthy machine.
         """
         found = self._check.hold(rows)
-        if not found.count or (found.holds and not suspected):
+        if not found.count or (found.holds and not suspected) or found.is_typical:
             return SearchResult()
         # What is fitted to a unit may carry over into another relation.
         alike = self._check.hold(rows, fitted=False)
@@ -95,6 +96,8 @@ class WiringSearch(Frozen):
         if not explaining:
             return SearchResult(not found.holds)
         best = explaining[0][0]
+        if found.holds and not best.is_typical:
+            return SearchResult()
         faults = tuple(w for held, w in explaining if held.squares <= best.squares + BESIDE)
         finding = WiringFinding(
             faults, residual, float(found.share[found.place]), best.worst, best.is_typical

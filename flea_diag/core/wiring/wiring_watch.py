@@ -14,9 +14,9 @@
 
 """Readings of the first motion of a stream, and what they say of the wiring of its channels.
 
-Readings in motion are kept until they are enough to tell, then looked at once: nothing is kept of
-a stream whose relations hold. Where they do not and no wiring explains it, twice as many are looked
-at, once more.
+Readings in motion are kept, and looked at when there are enough: a first time early, for a fault
+that no wiring explains need not wait. Where the relations hold they are kept for the first
+deviation, which looks once more: a lag may show later than in the first seconds.
 """
 
 from __future__ import annotations
@@ -26,31 +26,28 @@ import numpy.typing as npt
 
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS
-from flea_diag.core.wiring.wiring_search import SearchResult, WiringFinding, WiringSearch
+from flea_diag.core.wiring.wiring_search import WiringFinding, WiringSearch
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-MOTION_S = 5.0
-"""Time in motion after which the wiring is looked at."""
-AGAIN_S = 10.0
-"""The same the second time."""
+LOOKS_S = (2.0, 5.0, 10.0)
+"""Times in motion after which the readings are looked at; more are not kept. Nothing is found
+before the second one, unless none follows for long."""
 TAIL_S = 1.0
 """Time at rest after a motion that is kept as well."""
 MOST_S = 40.0
 """Time of readings beyond which none are kept: of motions that are too short to tell."""
-PATIENCE_S = 8.0
-"""Time after the first deviation that is waited for enough motion."""
-LEAST_S = 2.0
-"""Time in motion without which nothing can be told."""
+PATIENCE_S = ((0.5, 8.0), (LOOKS_S[0], 30.0), (LOOKS_S[1], 12.0))
+"""Up to so much motion, how long after the first deviation more is waited for."""
 SPIKES = 0.05
 """Share of the readings of a channel out of range up to which these are left out; more of them are
 of another unit, and are looked at as well."""
 
 
 class WiringWatch:
-    """Collects readings of one stream until ``due``, and looks at them.
+    """Collects readings of one stream, and looks at them whenever it is ``due``.
 
     ``finding`` is what was found, None while nothing is.
     """
@@ -58,19 +55,22 @@ class WiringWatch:
     def __init__(self, search: WiringSearch, counts: ScanCounts, period_s: float) -> None:
         self._search, self._counts = search, counts
         self._period_ns = round(period_s * 1e9)
-        self.finding: WiringFinding | None = None
+        self._looks = [counts.of(time_s) for time_s in LOOKS_S]
+        self._tail, self._most = counts.of(TAIL_S), counts.of(MOST_S)
         self.begin()
 
     def begin(self) -> None:
-        """Look at what comes from now on; what was found stands until then."""
+        """Look at what comes from now on."""
+        self.finding: WiringFinding | None = None
         self._rows: list[Array] = []
-        self._motion_s = MOTION_S
-        self._kept = self._moved = 0
-        self._still = self._counts.of(TAIL_S) + 1
+        self._kept = self._moved = self._look = 0
+        self._still = self._tail + 1
         self._last_ns: int | None = None
+        self._now_ns = 0
         self._opened_ns: int | None = None
+        self._released = False
         self.is_open, self.due = True, False
-        """Whether it still collects; whether there is now enough, or no more is waited for."""
+        """Whether it still collects; whether the readings are to be looked at now."""
 
     def close(self) -> None:
         """Collect no more."""
@@ -79,12 +79,17 @@ class WiringWatch:
     @property
     def waits(self) -> bool:
         """Whether a test deviates, and whether by its wiring is not known yet."""
-        return self.is_open and self._opened_ns is not None and self._motion_s == MOTION_S
+        return self.is_open and self._opened_ns is not None and not self._released
+
+    @property
+    def _is_full(self) -> bool:
+        return self._look == len(self._looks) or self._kept >= self._most
 
     def deviates(self, stamp_ns: int) -> None:
-        """A test deviates."""
-        if self._opened_ns is None:
+        """A test deviates: readings are looked at, the first time, if there are any to look at."""
+        if self.is_open and self._opened_ns is None:
             self._opened_ns = stamp_ns
+            self.due |= self._look > 0 or self._is_full
 
     def take(self, stamps_ns: Stamps, raw: Array, usable: Array, moving: Flags) -> int:
         """Take n scans, shape (n, channels) each; the first with which it is due, or n.
@@ -92,22 +97,28 @@ class WiringWatch:
         ``usable`` are the readings without those out of range. ``decide`` is asked at the first
         scan with which it is due, before any other is taken.
         """
-        count, tail = len(stamps_ns), self._counts.of(TAIL_S)
-        if not self.is_open or (self._still > tail and not self.waits and not moving.any()):
+        count, self._now_ns = len(stamps_ns), int(stamps_ns[-1])
+        rests = self._still > self._tail and not moving.any()
+        if not self.is_open or self._is_full or (rests and not self.waits):
             return count
         places = np.arange(count)
         still = places - np.maximum.accumulate(np.where(moving, places, -self._still))
-        keep = still <= tail
+        keep = still <= self._tail
         moved, kept = self._moved + np.cumsum(moving), self._kept + np.cumsum(keep)
-        due = moved >= self._counts.of(self._motion_s)
-        due |= kept >= self._counts.of(MOST_S)
+        due = (moved >= self._looks[self._look]) | (kept >= self._most)
         if self.waits and self._opened_ns is not None:
-            due |= stamps_ns - self._opened_ns >= PATIENCE_S * 1e9
+            due |= stamps_ns - self._opened_ns >= self._patience_ns(moved)
         self._keep(stamps_ns[keep], np.stack((raw[keep], usable[keep]), axis=1))
-        self._still = min(int(still[-1]) + 1, tail + 1)
+        self._still = min(int(still[-1]) + 1, self._tail + 1)
         self._moved, self._kept = int(moved[-1]), int(kept[-1])
         self.due = bool(due.any())
         return int(due.argmax()) if self.due else count
+
+    def _patience_ns(self, moved: Array) -> Array:
+        """How long after the first deviation is waited, after so many scans in motion."""
+        enough, times_s = zip(*PATIENCE_S, strict=True)
+        place = np.searchsorted([self._counts.of(time_s) for time_s in enough], moved, "right")
+        return 1e9 * np.array([*times_s, 0.0])[place]
 
     def _keep(self, stamps_ns: Stamps, rows: Array) -> None:
         """Keep readings, parted by one of nothing where others lie between."""
@@ -119,22 +130,32 @@ class WiringWatch:
             self._rows += [np.full_like(rows[:1], np.nan), run] if number else [run]
         self._last_ns = int(stamps_ns[-1])
 
-    def decide(self) -> SearchResult:
-        """Look at the readings; afterwards it is open only if more of them may tell more."""
-        suspected, moved, rows = self._opened_ns is not None, self._moved, self._rows
+    def decide(self) -> None:
+        """Look at the readings."""
         self.due = False
-        if moved < self._counts.of(LEAST_S):
-            self.finding = None
+        if self._moved < self._looks[0] and not self._is_full:
+            self._released = True
+            return
+        deviates = self._opened_ns is not None
+        result = self._search.search(_readings(np.concatenate(self._rows)), deviates)
+        if result.finding is not None and not self._is_early:
+            self.finding = result.finding
             self.close()
-            return SearchResult()
-        result = self._search.search(_readings(np.concatenate(rows)), suspected)
-        self.finding = result.finding
-        again = result.contradicted and result.finding is None and self._motion_s == MOTION_S
-        if again and moved >= self._counts.of(MOTION_S):
-            self._motion_s = AGAIN_S
-        else:
+            return
+        nothing = result.contradicted or not self._is_early
+        self._released |= result.finding is None and nothing
+        while self._look < len(self._looks) and self._moved >= self._looks[self._look]:
+            self._look += 1
+        if self._is_full and (deviates or result.contradicted):
             self.close()
-        return result
+
+    @property
+    def _is_early(self) -> bool:
+        """Whether more motion is waited for before anything is found."""
+        if self._moved >= self._looks[1] or self._is_full or self._released:
+            return False
+        waited_ns = self._now_ns - (self._now_ns if self._opened_ns is None else self._opened_ns)
+        return waited_ns < float(self._patience_ns(np.array([self._moved]))[0])
 
 
 def _readings(rows: Array) -> Array:

@@ -51,7 +51,6 @@ class StreamWiring:
         """Look anew, where something was found: it may have been mended."""
         if self._watch.finding is None:
             return
-        self._watch.finding = None
         self._watch.begin()
         self._follow_up(stamp_ns, deviates)
 
@@ -68,7 +67,8 @@ class StreamWiring:
         self._follow_up(stamp_ns, opens)
         if self._watch.due:
             self._watch.decide()
-            self._since_ns = stamp_ns
+            if self._watch.finding is not None:
+                self._since_ns = stamp_ns
         return before != (self._watch.waits, self._watch.finding)
 
     def _follow_up(self, stamp_ns: int, deviates: bool) -> None:
