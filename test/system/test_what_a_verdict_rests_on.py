@@ -29,7 +29,7 @@ from support.graph.network import Network
 from support.graph.runs import Run, run_of
 from support.graph.scheduler import Scheduler
 from support.graph.world import World
-from support.wrong_wiring import Wiring, cut_off, late, scaled, swapped
+from support.graph.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand

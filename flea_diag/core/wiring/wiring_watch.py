@@ -21,6 +21,8 @@ deviation, which looks once more: a lag may show later than in the first seconds
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -114,7 +116,7 @@ class WiringWatch:
         self.due = bool(due.any())
         return int(due.argmax()) if self.due else count
 
-    def _patience_ns(self, moved: Array) -> Array:
+    def _patience_ns(self, moved: npt.NDArray[Any]) -> Array:
         """How long after the first deviation is waited, after so many scans in motion."""
         enough, times_s = zip(*PATIENCE_S, strict=True)
         place = np.searchsorted([self._counts.of(time_s) for time_s in enough], moved, "right")

@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import cache
 
 import numpy as np
@@ -135,48 +136,53 @@ def test_a_dead_channel_is_no_unit() -> None:
 
 
 def watched(rows: np.ndarray, blocks: list[int], opened_at: int = -1) -> tuple[int, WiringWatch]:
-    """Scans until it is due, taken in blocks that end where it is; and the watch, asked then."""
+    """Scans until something is found, or all, in blocks that end where it looks; and the watch."""
     watch = WiringWatch(search(), COUNTS, CALIBRATION.period_s)
     stamps, moving = np.arange(len(rows)) * 10_000_000, np.arange(len(rows)) >= 100
     first, sizes = 0, iter(blocks * len(rows))
     while first < len(rows):
-        if first == opened_at:
-            watch.deviates(int(stamps[first]))
         last = min(first + next(sizes), len(rows))
-        last = min(last, opened_at) if first < opened_at else last
-        part = slice(first, last)
-        due = watch.take(stamps[part], rows[part], rows[part], moving[part])
+        if first <= opened_at:
+            last = min(last, opened_at + 1)
+        before = deepcopy(watch)
+        at = watch.take(stamps[first:last], *[rows[first:last]] * 2, moving[first:last])
+        if watch.due and at < last - first - 1:
+            watch, last = before, first + at + 1
+            watch.take(stamps[first:last], *[rows[first:last]] * 2, moving[first:last])
+        if last == opened_at + 1:
+            watch.deviates(int(stamps[opened_at]))
         if watch.due:
             watch.decide()
-            return first + due, watch
         first = last
-    return len(rows), watch
+        if watch.finding is not None:
+            break
+    return first, watch
 
 
-def test_it_is_due_after_five_seconds_of_motion() -> None:
+def test_it_is_found_after_five_seconds_of_motion() -> None:
     turned = changed("load_force", -1.0)
     at, watch = watched(turned, [1])
-    assert at == 100 + COUNTS.of(5.0) - 1
+    assert at == 100 + COUNTS.of(5.0)
     assert not watch.is_open
-    assert watch.finding is not None
     assert watched(turned, [37])[0] == watched(turned, [400])[0] == at
 
 
-def test_nothing_is_kept_of_a_healthy_stream() -> None:
+def test_nothing_is_found_of_a_healthy_stream() -> None:
     _, watch = watched(readings(HEALTHY), [1])
-    assert (watch.is_open, watch.finding, watch.waits) == (False, None, False)
+    assert (watch.is_open, watch.finding, watch.waits) == (True, None, False)
 
 
-def test_what_nothing_explains_is_looked_at_again() -> None:
-    _, watch = watched(readings(JAM, 14.0), [1])
-    assert watch.is_open
+def test_what_nothing_explains_need_not_wait() -> None:
+    _, watch = watched(readings(JAM, 14.0)[:350], [1], opened_at=150)
     assert watch.finding is None
     assert not watch.waits
 
 
-def test_an_episode_waits_until_it_is_known() -> None:
-    at, watch = watched(changed("load_force", -1.0), [1], opened_at=150)
-    assert at == 100 + COUNTS.of(5.0) - 1
+def test_an_episode_waits_while_a_wiring_explains_it() -> None:
+    turned = changed("load_force", -1.0)
+    assert watched(turned[:550], [1], opened_at=150)[1].waits
+    at, watch = watched(turned, [1], opened_at=150)
+    assert at == 100 + COUNTS.of(5.0)
     assert not watch.waits
 
 
@@ -188,7 +194,20 @@ def test_at_rest_nothing_is_kept_and_an_episode_waits_for_eight_seconds() -> Non
     assert watch.waits
     stamps = 8_000_000_000 + np.arange(1, 801) * 10_000_000
     assert watch.take(stamps, rows, rows, still) == 799
-    assert watch.decide().finding is None
+    watch.decide()
+    assert watch.finding is None
+    assert not watch.waits
+    assert watch.is_open
+
+
+def test_what_holds_is_looked_at_once_more_at_the_first_deviation() -> None:
+    watch = watched(late("load_force", 5), [1])[1]
+    assert watch.is_open
+    assert watch.finding is None
+    watch.deviates(9_000_000_000)
+    assert watch.due
+    watch.decide()
+    assert watch.finding is None
     assert not watch.waits
 
 
@@ -198,9 +217,12 @@ def test_a_channel_out_of_its_range_is_read_all_the_same() -> None:
     usable[np.abs(rows[:, KNOWN.index["load_force"]]) > 2000.0, KNOWN.index["load_force"]] = np.nan
     watch = WiringWatch(search(), COUNTS, CALIBRATION.period_s)
     moving = np.ones(len(rows), dtype=bool)
-    count = COUNTS.of(5.0)
-    watch.take(np.arange(count) * 10_000_000, rows[:count], usable[:count], moving[:count])
-    assert watch.due
-    watch.decide()
+    stamps, first = np.arange(len(rows)) * 10_000_000, 0
+    for last in (COUNTS.of(2.0), COUNTS.of(5.0)):
+        part = slice(first, last)
+        watch.take(stamps[part], rows[part], usable[part], moving[part])
+        assert watch.due
+        watch.decide()
+        first = last
     assert watch.finding is not None
     assert watch.finding.faults == (WiringFault(FACTOR, "load_force", factor=1000.0),)

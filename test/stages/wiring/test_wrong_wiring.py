@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from functools import partial
 
 import pytest
-from support.wrong_wiring import Wiring, cut_off, late, scaled, swapped
+from support.graph.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
