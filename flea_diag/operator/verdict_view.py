@@ -262,12 +262,12 @@ def dropped(state: OperatorState) -> Panel | None:
 
 
 def unseen(state: OperatorState) -> Panel | None:
-    """Faults that are not detectable on this stand."""
+    """Faults that this stand cannot show, or that were not looked for in the last 10 s."""
     group = state.group
     if group is None or not group.not_observable:
         return None
     lines = tuple(Line(f"{fault:28} {reason}") for fault, reason in group.not_observable)
-    return Panel("unseen", tr("NOT DETECTABLE ON THIS STAND"), lines)
+    return Panel("unseen", tr("NOT LOOKED FOR"), lines)
 
 
 def steps(state: OperatorState) -> Panel | None:
