@@ -83,4 +83,6 @@ def _faults(state: OperatorState) -> Iterable[Markup]:
 
 
 def _on_demand(name: str, title: str, content: Markup) -> Markup:
-    return tag("details", tag("summary", title), content, data_name=name)
+    """By its name what is open stays so when the shares are renewed, and the focus on a title."""
+    head = tag("summary", title, data_name=f"{name}-title")
+    return tag("details", head, content, data_name=name)

@@ -79,6 +79,16 @@ def test_the_console_has_one_line_of_it_and_the_table_on_demand() -> None:
     assert table.lines[0].text.startswith("41 faults looked for: backlash, ")
 
 
+def test_faults_that_were_not_looked_for_stand_together_by_their_reason() -> None:
+    panels = {panel.name: panel for panel in view(*shown(GONE))}
+    unseen = panels["unseen"]
+    assert unseen.title == "NOT LOOKED FOR (14)"
+    assert [line.text for line in unseen.lines if "jam" in line.text] == [
+        "not looked for in the last 10 s: parity_mechanical (load_force lacks all of its readings):"
+        " jam, ball_nut_friction, load_force_bias, load_force_drift, load_force_scaling"
+    ]
+
+
 def test_no_fault_is_both_looked_for_and_not() -> None:
     for load_cell in (WHOLE, HALF, GONE):
         state, _ = shown(load_cell)

@@ -78,6 +78,14 @@ def test_nothing_is_said_before_anything_is_known() -> None:
     assert words(judgement(OperatorState(), 0)) == "no message on what was judged yet"
 
 
+def test_what_can_be_opened_has_a_name_and_so_has_its_title() -> None:
+    """By them it stays open, and the focus stays where it is, while shares are renewed."""
+    drawn = str(judgement(*shown(GONE)))
+    names = re.findall(r'<details data-name="([^"]+)">', drawn)
+    assert names == ["judged", "looked-for", "not-looked-for"]
+    assert re.findall(r'<summary data-name="([^"]+)">', drawn) == [f"{n}-title" for n in names]
+
+
 def test_what_comes_from_outside_never_becomes_markup() -> None:
     row = JudgedTest(HOSTILE, 0.0, 0.0, False, Cause.MISSING, HOSTILE)
     group = replace(NOMINAL, looked_for=(HOSTILE,), not_observable=((HOSTILE, HOSTILE),))

@@ -47,7 +47,7 @@ CSS = """
 .title { text-style: bold; color: $accent; height: 1; }
 OptionList { height: auto; border: none; padding: 0; background: transparent; }
 OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
-#why, #dropped, #next, #todo, #judged { text-wrap: wrap; }
+#why, #dropped, #next, #todo, #judged, #unseen { text-wrap: wrap; }
 #bottom { height: auto; max-height: 10; padding: 0 1; }
 #possible { margin-bottom: 1; }
 #message { height: auto; padding: 0 1; color: $warning; }
