@@ -163,6 +163,20 @@ class Diagnosis:
         return {row["fault"]: row["reason"] for row in self.summary["not_observable"]}
 
     @property
+    def looked_for(self) -> tuple[str, ...]:
+        """Faults that the last verdict has looked for: those that would have been found then."""
+        return tuple(self.summary["looked_for"])
+
+    @property
+    def judged(self) -> tuple[Mapping[str, Any], ...]:
+        """Each test, those not judged first: ``test``, ``judged``, and why not all.
+
+        ``last_10_s`` and ``run`` are the shares of the scans, 0 to 1, in which it had something to
+        judge; ``cause`` and ``why`` are None where that were all of the last 10 s.
+        """
+        return tuple(self.summary["judged"])
+
+    @property
     def to_do(self) -> Mapping[str, str]:
         """What people do about it, as the catalogue states: run, urgency, part, procedure.
 

@@ -262,12 +262,15 @@ def dropped(state: OperatorState) -> Panel | None:
 
 
 def unseen(state: OperatorState) -> Panel | None:
-    """Faults that are not detectable on this stand."""
+    """Faults that this stand cannot show, or that were not looked for, grouped by reason."""
     group = state.group
     if group is None or not group.not_observable:
         return None
-    lines = tuple(Line(f"{fault:28} {reason}") for fault, reason in group.not_observable)
-    return Panel("unseen", tr("NOT DETECTABLE ON THIS STAND"), lines)
+    reasons: dict[str, list[str]] = {}
+    for fault, reason in group.not_observable:
+        reasons.setdefault(reason, []).append(fault)
+    lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
+    return Panel("unseen", f"{tr('NOT LOOKED FOR')} ({len(group.not_observable)})", lines)
 
 
 def steps(state: OperatorState) -> Panel | None:

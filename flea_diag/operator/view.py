@@ -24,6 +24,7 @@ from flea_diag.operator import (
     advice_view,
     alarm_view,
     evidence_view,
+    judgement_view,
     stand_view,
     verdict_view,
 )
@@ -46,6 +47,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
         evidence_view.residuals(state),
         stand_view.streams(state, now_ns),
         stand_view.channels(state, now_ns),
+        judgement_view.judged(state, now_ns),
         stand_view.nodes(state),
         alarm_view.marks(state),
         alarm_view.alarms(state),

@@ -242,7 +242,7 @@ def _right(group: AmbiguityGroup) -> Markup:
         return _members(group)
     if group.not_observable:
         rows = [tag("p", f"{fault}: {why}", class_="soft") for fault, why in group.not_observable]
-        return joined(tag("h2", tr("Not detectable on this stand"), class_="title"), *rows)
+        return joined(tag("h2", tr("Not looked for"), class_="title"), *rows)
     return Markup()
 
 

@@ -27,6 +27,7 @@ from flea_diag.web.answer import answer, chips
 from flea_diag.web.causal_paths import causal_paths
 from flea_diag.web.group_flow import group_flow
 from flea_diag.web.history import before_features
+from flea_diag.web.judgement import judgement
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.panels import data_quality, dropped, episodes, features, streams
 from flea_diag.web.symbol_matrix import symbol_matrix
@@ -141,6 +142,10 @@ def _quality(shown: Shown, _: Tools) -> Markup:
     return data_quality(shown.state, shown.now_ns)
 
 
+def _judgement(shown: Shown, _: Tools) -> Markup:
+    return judgement(shown.state, shown.now_ns)
+
+
 def _streams(shown: Shown, _: Tools) -> Markup:
     return streams(shown.state, shown.now_ns)
 
@@ -152,6 +157,12 @@ def _second(shown: Shown) -> object:
 def _quality_now(shown: Shown) -> object:
     silent = shown.state.silent(Scan, shown.now_ns)
     return shown.state.quality, _second(shown) if silent else 0
+
+
+def _judged(shown: Shown) -> object:
+    state, group = shown.state, shown.state.group
+    rows = state.quality.judged if state.quality is not None else ()
+    return rows, state.silent(Scan, shown.now_ns), _said(group) if group is not None else ()
 
 
 def _episode(shown: Shown) -> object:
@@ -184,6 +195,7 @@ PANELS = (
     PagePanel("episodes", later("Episodes"), "scroll", _episodes, _said_by_people),
     PagePanel("quality", later("Data quality"), "half scroll", _quality, _quality_now),
     PagePanel("streams", later("Streams and nodes"), "half scroll", _streams, _second),
+    PagePanel("judged", later("What was judged"), "scroll", _judgement, _judged),
 )
 
 

@@ -326,6 +326,7 @@ class Hypotheses:
     not_observable: tuple[tuple[str, str], ...] = ()
     next_tests: tuple[NextTest, ...] = ()
     shows_from: tuple[tuple[str, str], ...] = ()
+    looked_for: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -341,7 +342,8 @@ class AmbiguityGroup:
     ``stated_false_alarms_per_hour`` is the rate that the limits were set for and
     ``supported_false_alarms_per_hour`` the bound that the nominal recordings give;
     ``counters`` are the data errors so far, such as ``sensors/slow/lost``; ``shows_from`` is, for
-    each fault, the size from which on half of the calibration's recordings would show it. A
+    each fault, the size from which on half of the calibration's recordings would show it;
+    ``looked_for`` are the faults of the catalogue that would have been found in the last 10 s. A
     ``summary`` names all members, gives the reason for the first of them, and counts what
     ``Hypotheses`` hold besides.
     ``to_do`` is what people do about the members, by the catalogue: ``run`` (stop or go on),
@@ -374,6 +376,7 @@ class AmbiguityGroup:
     supported_false_alarms_per_hour: float = math.nan
     to_do: tuple[tuple[str, str], ...] = ()
     shows_from: tuple[tuple[str, str], ...] = ()
+    looked_for: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -396,6 +399,7 @@ class AmbiguityGroup:
             not_observable=hypotheses.not_observable,
             next_tests=hypotheses.next_tests,
             shows_from=hypotheses.shows_from,
+            looked_for=hypotheses.looked_for,
             summary=False,
             dropped_count=0,
             not_observable_count=0,

@@ -29,11 +29,20 @@ from textual.widgets import Footer, OptionList, Static
 from flea_diag.errors import visible
 from flea_diag.nodes.operator.console_bell import Bell
 from flea_diag.nodes.operator.console_question import Ask
-from flea_diag.nodes.operator.console_text import STYLES, fill, highlighted, in_words, plain, styled
+from flea_diag.nodes.operator.console_text import (
+    CSS,
+    STYLES,
+    fill,
+    highlighted,
+    in_words,
+    plain,
+    styled,
+)
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.alarm_view import alarms as listed
 from flea_diag.operator.alarm_view import detail, key_text
+from flea_diag.operator.judgement_view import judged_table
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.shift.alarm_filter import EVERY, FILTERS, after
 from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
@@ -46,26 +55,10 @@ REDRAW_S = 0.2
 MOST_DIGITS = 6
 
 LEFT = ("todo", "possible", "why", "next", "steps", "dropped", "unseen")
-RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
+RIGHT = ("symbols", "features", "residuals", "streams", "channels", "judged", "nodes", "marks")
+SIGNALS = ("symbols", "features", "residuals", "streams")
+"""What makes room for the table of all tests."""
 LISTS = ("possible", "episodes")
-
-CSS = """
-#verdict { height: auto; padding: 0 1; }
-#body { height: 1fr; }
-#left, #right { width: 1fr; padding: 0 1; }
-.-narrow #body { layout: vertical; overflow-y: auto; }
-.-narrow #left, .-narrow #right { width: 1fr; height: auto; }
-.panel { height: auto; margin-bottom: 1; text-wrap: nowrap; text-overflow: ellipsis; }
-.title { text-style: bold; color: $accent; height: 1; }
-OptionList { height: auto; border: none; padding: 0; background: transparent; }
-OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
-#why, #dropped, #next, #todo { text-wrap: wrap; }
-#bottom { height: auto; max-height: 10; padding: 0 1; }
-#possible { margin-bottom: 1; }
-#message { height: auto; padding: 0 1; color: $warning; }
-Ask { align: center middle; }
-Ask > * { width: 70%; }
-"""
 
 
 class ConsoleScreen(Screen[None]):
@@ -80,6 +73,7 @@ class ConsoleScreen(Screen[None]):
         Binding("o", "service", later("Service")),
         Binding("f", "filter", later("Filter")),
         Binding("m", "mark", later("Mark")),
+        Binding("j", "judged", later("Judged")),
         Binding("u", "accept_unit", later("Accept unit")),
         Binding("i", "inject", later("Inject (simulated)")),
         Binding("tab", "app.focus_next", later("Next list")),
@@ -94,7 +88,7 @@ class ConsoleScreen(Screen[None]):
         self._bell = Bell()
         self._said = ""
         self._rows: dict[str, tuple[Line, ...]] = {}
-        self._filter = EVERY
+        self._filter, self._all_judged = EVERY, False
 
     def compose(self) -> ComposeResult:
         """Verdict, two columns of panels, episodes, key bar."""
@@ -125,6 +119,9 @@ class ConsoleScreen(Screen[None]):
         shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
         if (found := listed(state, self._filter)) is not None:
             shown["episodes"] = found
+        if self._all_judged and (table := judged_table(state, self._desk.now_ns())) is not None:
+            shown = {name: panel for name, panel in shown.items() if name not in SIGNALS}
+            shown["judged"] = table
         chosen = self._chosen_member()
         if chosen is not None:
             shown["why"] = why(chosen)
@@ -265,6 +262,11 @@ class ConsoleScreen(Screen[None]):
         """Show other alarms in the list."""
         self._filter = after(self._filter)
         self._tell(tr("episodes: {filter}", filter=tr(FILTERS[self._filter][0])))
+        self.redraw()
+
+    def action_judged(self) -> None:
+        """Show every test with its shares of judgement, or what was not judged alone."""
+        self._all_judged = not self._all_judged
         self.redraw()
 
     def action_mark(self) -> None:

@@ -37,6 +37,23 @@ STYLES = {
     Level.STALE: "bold magenta",
 }
 """Colours repeat the text; no information is given by colour alone."""
+CSS = """
+#verdict { height: auto; padding: 0 1; }
+#body { height: 1fr; }
+#left, #right { width: 1fr; padding: 0 1; }
+.-narrow #body { layout: vertical; overflow-y: auto; }
+.-narrow #left, .-narrow #right { width: 1fr; height: auto; }
+.panel { height: auto; margin-bottom: 1; text-wrap: nowrap; text-overflow: ellipsis; }
+.title { text-style: bold; color: $accent; height: 1; }
+OptionList { height: auto; border: none; padding: 0; background: transparent; }
+OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
+#why, #dropped, #next, #todo, #judged, #unseen { text-wrap: wrap; }
+#bottom { height: auto; max-height: 10; padding: 0 1; }
+#possible { margin-bottom: 1; }
+#message { height: auto; padding: 0 1; color: $warning; }
+Ask { align: center middle; }
+Ask > * { width: 70%; }
+"""
 
 
 def plain(text: str) -> Text:

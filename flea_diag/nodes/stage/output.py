@@ -27,14 +27,18 @@ from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored, serial_o
 from flea_diag.nodes.stage.verdict import NumberedVerdict
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import (
+    NEVER_NS,
     AmbiguityGroup,
     ChannelTable,
     DataQuality,
+    JudgedTest,
     Record,
     Residual,
     VibrationLevel,
 )
 
+JUDGED_NS = 5_000_000_000
+"""Shares of judgement are said at most so often while nothing else changes."""
 NUMBERS: tuple[type, ...] = (Residual, VibrationLevel)
 """Records of each scan or block: published, and neither logged nor repeated."""
 
@@ -62,6 +66,8 @@ class StageOutput:
         self._quality: DataQuality | None = None
         """Data quality as the stage last said it."""
         self._malformed_said = 0
+        self._judged_said: tuple[JudgedTest, ...] = ()
+        self._judged_said_ns = NEVER_NS
         self._serial = ""
         self._stopped = False
         """Whether data quality was last said to be stale."""
@@ -91,12 +97,13 @@ class StageOutput:
     def repeat(self, quality: DataQuality | None = None) -> None:
         """Publish again how things stand, and what could not be read since.
 
-        ``quality`` is that of now: its ages and shares go to /diagnostics.
+        ``quality`` is that of now: its ages and shares go to /diagnostics, the shares from time to
+        time to whoever reads data_quality.
         """
         self._quality = quality or self._quality
         if self._quality is not None:
             self._mirrored[DataQuality] = self._as_it_is(self._quality)
-        if self._quality is not None and self._malformed > self._malformed_said:
+        if self._quality is not None and self._is_due(self._quality):
             self._mirror(self._publish_quality(self._quality))
         again = self._verdict.again()
         if again is not None:
@@ -127,14 +134,24 @@ class StageOutput:
         """Forget what was said of the run so far."""
         self._verdict.forget()
         self._quality, self._stopped = None, False
+        self._judged_said, self._judged_said_ns = (), NEVER_NS
         self._mirrored.clear()
 
     def _publish_quality(self, quality: DataQuality) -> DataQuality:
         """Publish data quality with what this node could not read, and return that."""
         whole, self._stopped = self._as_it_is(quality), self._health.silent
         self._malformed_said = self._malformed
+        self._judged_said, self._judged_said_ns = whole.judged, whole.stamp_ns
         self._bus.publish(whole)
         return whole
+
+    def _is_due(self, quality: DataQuality) -> bool:
+        """Whether nobody has been told of messages that are not used, or of the latest shares."""
+        if self._malformed > self._malformed_said:
+            return True
+        moved = quality.judged != self._judged_said
+        since_ns = quality.stamp_ns - self._judged_said_ns
+        return moved and not 0 <= since_ns < JUDGED_NS and not self._health.silent
 
     def _as_it_is(self, quality: DataQuality) -> DataQuality:
         """Data quality with what this node could not read, and stale if the source has stopped."""

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections import Counter
 
 from flea_diag.nodes.stage.channel_age import age_s
+from flea_diag.operator.judgement_view import JudgedRow, judged_rows
 from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (
     AmbiguityGroup,
@@ -32,7 +33,6 @@ from flea_diag.wire.records import (
     ChannelTable,
     DataQuality,
     Health,
-    JudgedTest,
     Level,
     Outcome,
     Quality,
@@ -65,7 +65,7 @@ def mirrored(
         kind, brief, values = "channels", record, _of_channels(record)
     else:
         kind, brief = "verdict", summary(record)
-        values = _of_group(brief)
+        values = (*_of_group(brief), *_faults(record))
         live = live and record.source == "live"
     words = words_of(brief)
     level = words.level if live and not _at_rest(record) else Level.OK
@@ -99,9 +99,15 @@ def _of_group(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:
     )
 
 
+def _faults(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:
+    """Which faults were looked for, and why the others were not."""
+    reasons = tuple((f"not_observable/{fault}", why) for fault, why in group.not_observable)
+    return (("looked_for", ", ".join(group.looked_for)), *reasons)
+
+
 def _of_channels(quality: DataQuality) -> tuple[tuple[str, str], ...]:
     channels = tuple((row.channel, _of_channel(row, quality)) for row in quality.channels)
-    return channels + tuple((f"judged/{row.residual}", _share(row)) for row in quality.judged)
+    return channels + tuple((f"judged/{row.test}", _share(row)) for row in judged_rows(quality))
 
 
 def _of_channel(row: ChannelQuality, quality: DataQuality) -> str:
@@ -110,6 +116,7 @@ def _of_channel(row: ChannelQuality, quality: DataQuality) -> str:
     return said if age is None else f"{said}, last reading {age:.1f} s ago"
 
 
-def _share(row: JudgedTest) -> str:
+def _share(row: JudgedRow) -> str:
     why = f": {row.why}" if row.why else ""
-    return f"{row.recent:.1%} of the last 10 s, {row.run:.1%} of the run{why}"
+    said = f"{row.recent_text} of the last 10 s, {row.run_text} of the run{why}"
+    return said if row.judged else f"not judged, {said}"

@@ -85,6 +85,8 @@ class StandStatus:
     """The row of data quality while the motion is outside what the calibration has seen."""
     unjudged: Unjudged = field(default_factory=Unjudged)
     """What had next to nothing to judge."""
+    turned: tuple[object, ...] = ()
+    """State of tests and channels from when the words of ``unjudged`` are."""
     other_unit: ChannelQuality | None = None
     """The row of data quality of a unit that is none of the calibration's."""
     wiring: ChannelQuality | None = None
@@ -171,7 +173,7 @@ class StandStatus:
         self.mode = next((r for r in quality.channels if r.channel == MODE and r.reason), None)
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
         self.wiring = next((r for r in quality.channels if r.channel == WIRING), None)
-        self.unjudged = Unjudged.of(quality, self.residuals)
+        self._take_ledger(quality)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
@@ -181,6 +183,17 @@ class StandStatus:
             return False
         self.returned_ns = began_ns
         return True
+
+    def _take_ledger(self, quality: DataQuality) -> None:
+        """Take what was not judged, with its words as of when that or a channel has changed.
+
+        A node says the shares from time to time, a replay does not: both say the same verdicts.
+        """
+        found = Unjudged.of(quality, self.residuals)
+        rows = ((row.channel, row.quality, row.since_ns) for row in quality.channels)
+        turned = found.names, found.judged, quality.offsets, *rows
+        if turned != self.turned:
+            self.turned, self.unjudged = turned, found
 
     def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
         """Take one scan."""

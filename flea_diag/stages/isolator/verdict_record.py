@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from flea_diag.core.faults.response import to_do
 from flea_diag.core.isolation.detectability import (
@@ -39,8 +40,10 @@ from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.judgement.fault_tests import tests_of_faults
+from flea_diag.stages.judgement.looked_for import LookedFor
 from flea_diag.wire.records import (
     NEVER_NS,
+    STREAM,
     AmbiguityGroup,
     Candidate,
     ChannelQuality,
@@ -80,9 +83,9 @@ class VerdictRecord:
         modelled = {model.fault for model in self._models}
         known = [row for row in visible if row.fault in modelled]
         self._shows_from = shows_from(known, bool(by_law))
-        self._tests = tests_of_faults(
-            faults, self._models, calibration, knowledge.effects.residuals
-        )
+        residuals = knowledge.effects.residuals
+        self._tests = tests_of_faults(faults, self._models, calibration, residuals)
+        self._looked_for = LookedFor(faults, self._tests, residuals)
         promise = knowledge.calibration.promise
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
@@ -113,6 +116,12 @@ class VerdictRecord:
         self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None
     ) -> AmbiguityGroup:
         """The verdict as it goes out."""
+        group = self._record(stamp_ns, stand, episode)
+        return replace(group, looked_for=self._looked_for.of(group, STREAM in stand.bad))
+
+    def _record(
+        self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None
+    ) -> AmbiguityGroup:
         outcome, words = self.outcome(stamp_ns, stand, episode)
         if episode is None or stand.wired_wrong:
             return self._without_episode(stamp_ns, outcome, words + _remarks(stand, None), stand)

@@ -14,8 +14,8 @@
 
 """What had next to nothing to judge, in words, and the faults that therefore were not looked for.
 
-Only where the readings are to blame: that a stop voids a relation, or that the motion is outside
-the calibration, is said by their own rows.
+The words name only what the readings are to blame for: that a stop voids a relation, or that the
+motion is outside the calibration, is said by their own rows.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.wire.records import DataQuality
+from flea_diag.wire.records import Cause, DataQuality
 
+OF_THE_PLACE = (Cause.VOID, Cause.OUTSIDE)
 MOST_GROUPS = 3
 """Most causes that the words of a verdict name."""
 
@@ -37,19 +38,22 @@ class Unjudged:
     why: Mapping[str, str] = field(default_factory=dict)
     judged: frozenset[str] = frozenset()
     """Those that were."""
+    void: Mapping[str, str] = field(default_factory=dict)
+    """Why those were not that the place or the motion of the machine keeps from it."""
 
     @classmethod
     def of(cls, quality: DataQuality, known: ResidualSet) -> Unjudged:
         """From the ledger of the observer; a relation is judged where any form of it is."""
         judged = frozenset(known.relation(row.residual) for row in quality.judged if row.judged)
-        low = (row for row in quality.judged if not row.judged and row.cause.is_of_the_data)
-        why = {known.relation(row.residual): row.why for row in low}
-        return cls({name: words for name, words in why.items() if name not in judged}, judged)
+        low = [row for row in quality.judged if known.relation(row.residual) not in judged]
+        why = {known.relation(r.residual): r.why for r in low if r.cause.is_of_the_data}
+        void = {known.relation(r.residual): r.why for r in low if r.cause in OF_THE_PLACE}
+        return cls(why, judged, {name: words for name, words in void.items() if name not in why})
 
     @property
     def names(self) -> tuple[str, ...]:
         """What was not judged."""
-        return tuple(self.why)
+        return (*self.why, *self.void)
 
     def nothing_left(self, relations: tuple[str, ...], friction: str) -> str:
         """Why neither motor nor screw are judged; empty: they are.
@@ -67,8 +71,9 @@ class Unjudged:
 
     def _grouped(self, names: list[str]) -> str:
         groups: dict[str, list[str]] = {}
+        reasons = {**self.why, **self.void}
         for name in names:
-            groups.setdefault(self.why[name], []).append(name)
+            groups.setdefault(reasons[name], []).append(name)
         said = [f"{', '.join(group)} ({why})" for why, group in groups.items()]
         rest = len(said) - MOST_GROUPS
         more = [f"{rest} more"] if rest > 0 else []
@@ -79,5 +84,5 @@ class Unjudged:
         return tuple(
             (fault, f"not looked for in the last 10 s: {self._grouped(sorted(of_it))}")
             for fault, of_it in tests.items()
-            if of_it <= self.why.keys()
+            if of_it <= self.why.keys() | self.void.keys()
         )

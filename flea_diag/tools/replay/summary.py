@@ -18,12 +18,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from flea_diag.core.faults.fault import MODES
 from flea_diag.formats import stamped
+from flea_diag.operator.judgement_view import JudgedRow, judged_rows
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
 from flea_diag.wire.records import (
@@ -80,6 +82,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
     summary = {
         **{key: first[key] for key in quiet},
         "episodes": episodes,
+        "looked_for": list(last.looked_for) if last else [],
         "not_observable": _not_observable(last),
         "shows_from": dict(last.shows_from) if last else {},
         "false_alarms_per_hour": _promise(last),
@@ -211,19 +214,10 @@ def _data_quality(records: Sequence[Record], start_ns: int) -> dict[str, Any]:
 
 
 def _judged(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Share of the scans that each test has judged: of the last 10 s and of the run."""
+    """Share of the scans that each test has judged, of the last 10 s and of the run; why not."""
     last = next((r for r in reversed(records) if isinstance(r, DataQuality) and r.judged), None)
-    rows = last.judged if last else ()
-    return [
-        {
-            "test": row.residual,
-            "last_10_s": row.recent,
-            "run": row.run,
-            "judged": row.judged,
-            "why": row.why or None,
-        }
-        for row in rows
-    ]
+    return [{**asdict(row), "cause": row.cause or None, "why": row.why or None}
+            for row in judged_rows(last)]  # fmt: skip
 
 
 def _note(known: dict[str, Any], row: ChannelQuality, since_s: float | None) -> None:
@@ -251,6 +245,7 @@ def in_words(summary: dict[str, Any]) -> str:
                 f"  {channel} {stretch['quality']} from {stretch['from_s']:.2f} s to {end}: "
                 f"{stretch['reason']}"
             )
+    lines += _not_judged_words(summary["judged"])
     reasons: dict[str, list[str]] = {}
     for entry in summary["not_observable"]:
         reasons.setdefault(entry["reason"], []).append(entry["fault"])
@@ -260,6 +255,18 @@ def in_words(summary: dict[str, Any]) -> str:
     if plant:
         lines.append(f"  shows from: {'; '.join(plant)}")
     return "\n".join(lines)
+
+
+def _not_judged_words(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What was not judged at the end, by its reason; the shares are of the first of each."""
+    groups: dict[str, list[JudgedRow]] = {}
+    for row in (JudgedRow(**each) for each in rows if not each["judged"]):
+        groups.setdefault(row.why, []).append(row)
+    return [
+        f"  not judged: {', '.join(row.test for row in group)} ({why}; "
+        f"{group[0].recent_text} of the last 10 s, {group[0].run_text} of the run)"
+        for why, group in groups.items()
+    ]
 
 
 def _promise_words(rates: dict[str, float | None]) -> list[str]:

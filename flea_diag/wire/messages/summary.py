@@ -42,6 +42,7 @@ def summary(group: AmbiguityGroup, stand: str = "stand") -> AmbiguityGroup:
         words=_words(group),
         not_observable=(),
         shows_from=(),
+        looked_for=(),
         next_tests=(),
         summary=True,
         dropped_count=len(group.dropped),

@@ -30,6 +30,8 @@ from typing import Any
 
 import pytest
 from support.live import ROOT, Peer, Process, environment, node
+from support.screens.judgements import GONE, HALF, WHOLE
+from support.screens.judgements import shown as at_the_end
 from support.verdicts import FIRST, FLAG, LAST, NOMINAL, START
 
 from flea_diag.errors import ConfigurationError
@@ -135,6 +137,31 @@ def test_escape_says_nothing_and_a_mark_is_kept(desk: Desk, tmp_path: Path) -> N
     piloted(desk, act)
     assert desk.state.alarms[0].comments == ()
     assert [mark.text for mark in AlarmJournal(tmp_path / "alarms.sqlite").marks()] == ["load"]
+
+
+@pytest.mark.parametrize("load_cell", [WHOLE, HALF, GONE])
+def test_a_key_shows_all_that_was_judged_and_what_was_not_is_said_anyway(
+    desk: Desk, load_cell: str
+) -> None:
+    state, _ = at_the_end(load_cell)
+    assert state.quality is not None
+    assert state.group is not None
+    desk.take(state.quality)
+    desk.take(state.group)
+    lost = "not judged: parity_mechanical and 4 more"
+
+    async def act(pilot: Any) -> None:
+        text = await shown(pilot, "CHANNELS")
+        assert (lost in text) == (load_cell != WHOLE)
+        assert "winding_short, " not in text
+        await pilot.press("j")
+        text = await shown(pilot, "faults looked for")
+        assert f"of {len(state.quality.judged)} tests in the last 10 s" in text
+        assert "motor_temperature_noise" in text
+        await pilot.press("j")
+        assert "motor_temperature_noise" not in await shown(pilot, "CHANNELS")
+
+    piloted(desk, act)
 
 
 def test_a_mark_is_of_the_moment_of_its_key_and_not_of_its_last_word(desk: Desk) -> None:

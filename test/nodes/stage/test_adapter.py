@@ -226,6 +226,17 @@ def test_rows_age_and_are_stale_within_a_second_of_a_silent_source(stand: Stand)
     peer.find(lambda r: is_of(r, Quality.GOOD))
 
 
+def test_shares_of_judgement_are_said_again_each_five_seconds_of_the_stream(stand: Stand) -> None:
+    peer = stand.peer
+    peer.listen(DataQuality)
+    stand.scan(1.0)
+    first = peer.find(lambda r: isinstance(r, DataQuality))
+    assert [row.run for row in first.judged] == [1.0]
+    stand.scan(1.0, after_ns=5 * 10**9)
+    second = peer.find(lambda r: isinstance(r, DataQuality) and r.judged != first.judged)
+    assert (second.stamp_ns, second.judged[0].run) == (stand.stamp_ns, 0.5)
+
+
 def test_what_cannot_be_used_is_in_data_quality_by_its_kind(stand: Stand) -> None:
     peer = stand.peer
     peer.listen(DataQuality)

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+from support.screens.judgements import GONE, HALF, LOST, WHOLE, shown
 from support.verdicts import LAST, NOMINAL, START, group
 
 from flea_diag.nodes.stage.stand_diagnostics import mirrored, serial_of
@@ -89,5 +91,24 @@ def test_channels_with_the_age_of_their_readings_and_the_ledger() -> None:
     assert dict(status.values) == {
         "sensors/slow": "good, last reading 0.0 s ago",
         "motor_current": "good, last reading 1.5 s ago",
-        "judged/parity": "25.0% of the last 10 s, 50.0% of the run: load_force lacks all",
+        "judged/parity": "not judged, 25% of the last 10 s, 50% of the run: load_force lacks all",
     }
+
+
+@pytest.mark.parametrize(("load_cell", "said"), [
+    (WHOLE, "93% of the last 10 s, 89% of the run: at rest in 7 % of the scans"),
+    (HALF, "not judged, 0% of the last 10 s, 36% of the run: load_force lacks all of its readings"),
+    (GONE, "not judged, 0% of the last 10 s, 0% of the run: load_force lacks all of its readings"),
+])  # fmt: skip
+def test_of_a_stand_each_test_and_each_fault(load_cell: str, said: str) -> None:
+    state, now_ns = shown(load_cell)
+    assert state.quality is not None
+    assert state.group is not None
+    values = dict(mirrored(state.quality, "observer", now_ns).values)
+    assert values["judged/parity_mechanical"] == said
+    keys = [key for key in values if key.startswith("judged/")]
+    assert len(keys) == len(state.quality.judged)
+    assert (keys[: len(LOST)] == [f"judged/{test}" for test in LOST]) == (load_cell != WHOLE)
+    verdict = dict(mirrored(state.group, "isolator", now_ns).values)
+    assert ("jam" in verdict["looked_for"].split(", ")) == (load_cell == WHOLE)
+    assert ("not_observable/jam" in verdict) == (load_cell != WHOLE)

@@ -35,6 +35,7 @@ from flea_diag.wire.records import (
     ChannelTable,
     DataQuality,
     Hypotheses,
+    JudgedTest,
     Outcome,
     Quality,
     Record,
@@ -61,6 +62,7 @@ class ToyStage:
         self._parameters = parameters
         self._seen = self._held = 0
         self._outcome: Outcome | None = None
+        self._stamp_ns = NEVER_NS
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         if isinstance(record, ChannelTable):
@@ -68,6 +70,7 @@ class ToyStage:
         assert isinstance(record, Scan)
         self._seen += 1
         self._held += 1
+        self._stamp_ns = record.stamp_ns
         current = record.value("motor_current")
         if current < 0:
             raise ConfigurationError(f"motor_current = {current} A is below 0 A")
@@ -76,9 +79,16 @@ class ToyStage:
         if outcome == self._outcome:
             return (residual,)
         self._outcome = outcome
-        sound = ChannelQuality("motor_current", Quality.GOOD, 1, "", (), record.stamp_ns)
-        quality = DataQuality(record.stamp_ns, (sound,))
-        return (quality, residual, self._group(record.stamp_ns, outcome))
+        return (self._quality(), residual, self._group(record.stamp_ns, outcome))
+
+    def report(self) -> DataQuality | None:
+        """How things stand: what was judged is another share after each scan."""
+        return self._quality() if self._stamp_ns != NEVER_NS else None
+
+    def _quality(self) -> DataQuality:
+        sound = ChannelQuality("motor_current", Quality.GOOD, 1, "", (), self._stamp_ns)
+        judged = JudgedTest("seen", 1.0, 1.0 / self._seen)
+        return DataQuality(self._stamp_ns, (sound,), (), (judged,))
 
     def finish(self) -> tuple[Record, ...]:
         """Say once how many scans there were, as a stage lets go what it held back."""

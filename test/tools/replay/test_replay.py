@@ -24,6 +24,7 @@ from typing import Any
 
 import pytest
 from support.decisions import BAGS
+from support.screens.judgements import GONE, HALF, LOST, WHOLE, told
 
 from flea_diag.configuration.files import config_path
 from flea_diag.errors import ConfigurationError, RecordingError
@@ -98,6 +99,7 @@ def test_a_quiet_run() -> None:
         "isolated_at_s": None,
         "ambiguity_group": [],
         "episodes": [],
+        "looked_for": [],
         "not_observable": [{"fault": "spall", "reason": "no accelerometer"}],
         "false_alarms_per_hour": {"stated": 0.1, "supported": 12.0},
         "features_computed": [],
@@ -113,6 +115,31 @@ def test_a_quiet_run() -> None:
         in_words({**summary, "bag": "b"})
         == "b: NOMINAL\n  not observable: spall (no accelerometer)"
     )
+
+
+@pytest.mark.parametrize("load_cell", [WHOLE, HALF, GONE])
+def test_what_was_judged_is_a_list_and_what_was_not_is_in_the_words(load_cell: str) -> None:
+    summary = summarise(told(load_cell))
+    rows = json.loads(json.dumps(summary["judged"]))
+    silent = {HALF: 0.36, GONE: 0.0}.get(load_cell)
+    words = in_words({**summary, "bag": "b"})
+    if silent is None:
+        assert all(row["judged"] for row in rows)
+        assert "not judged" not in words
+    else:
+        assert rows[0] == {
+            "test": "parity_mechanical", "last_10_s": 0.0, "run": pytest.approx(silent, abs=0.01),
+            "judged": False, "cause": "missing", "why": "load_force lacks all of its readings",
+        }  # fmt: skip
+        assert {row["test"] for row in rows if not row["judged"]} == set(LOST)
+        assert (
+            f"  not judged: {', '.join(LOST)} (load_force lacks all of its readings; "
+            f"0% of the last 10 s, {silent:.0%} of the run)"
+        ) in words
+    hidden = {row["fault"] for row in summary["not_observable"]}
+    assert not hidden & set(summary["looked_for"])
+    assert ("jam" in summary["looked_for"]) == (load_cell == WHOLE)
+    assert ("jam" in hidden) == (load_cell != WHOLE)
 
 
 def test_a_group_that_shrinks_to_one() -> None:
