@@ -116,8 +116,8 @@ class Smoother:
             rows, self._refused_for = np.where(refused, np.inf, rows), len(rows) + self._length
         recent = np.concatenate((self._before, rows))
         self._before = recent[len(rows) :]
-        self._refused_for = max(self._refused_for - len(rows), 0)
         known = np.where(np.isinf(recent), np.nan, recent) if self._refused_for else recent
+        self._refused_for = max(self._refused_for - len(rows), 0)
         # One product of the same shape for each row, whatever n is: the same last bits.
         smooth = np.matmul(self._kernels, sliding(known, self._length))
         wait, self._wait = self._wait, max(self._wait - len(rows), 0)

@@ -97,6 +97,9 @@ def test_nothing_is_said_across_a_reading_that_was_refused():
     ]
     gone = [k for k in range(30, 80) if np.isnan(found[k]).any()]
     assert gone == list(range(40, 71))
+    some = Smoother(1, 31, 0.01)
+    blocks = [some.push(part, np.isnan(part))[0] for part in np.split(rows, [41])]
+    np.testing.assert_array_equal(np.concatenate(blocks), np.concatenate(found))
 
 
 @given(st.integers(0, 2**31 - 1).filter(lambda bits: bin(bits).count("1") < 29), NUMBERS, NUMBERS)
