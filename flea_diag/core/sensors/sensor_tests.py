@@ -124,19 +124,7 @@ class SensorTests:
             test: np.array([names.index(f"{name}_{test}") for name in self._names], dtype=int)
             for test in TESTS
         }
-        self._steps = [
-            (names.index(limit.channel), index)
-            for index, limit in enumerate(self._limits)
-            if limit.step > 0.0 and limit.channel in names
-        ]
-        self._paired = sensors.paired and len(self._steps) == 2
-        stepping = [index for _, index in self._steps]
-        self._step_groups = [tuple(stepping)] if self._paired else [(k,) for k in stepping]
-        self._all = [(index,) for index in range(len(self._limits))]
-        self._readings = OwnReadings(list(dict.fromkeys((*self._all, *self._step_groups))))
-        self._step_places = np.array([place for place, _ in self._steps], dtype=int)
-        self._stepping = np.array([index for _, index in self._steps], dtype=int)
-        self._sizes = np.array([self._limits[index].step for _, index in self._steps])
+        self._prepare_steps(sensors)
         step_of = {index: place for place, index in self._steps}
         held = zip(*(self._places[test].tolist() for test in TESTS[1:]), strict=True)
         self._own = [
@@ -146,6 +134,22 @@ class SensorTests:
         """Of each channel its column, those of its tests, and that of its steps, if any."""
         self.k = self._all_limits(len(names), period_s)
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
+
+    def _prepare_steps(self, sensors: SensorSet) -> None:
+        """Which positions are looked at for steps, and which readings belong together."""
+        self._steps = [
+            (sensors.names.index(limit.channel), index)
+            for index, limit in enumerate(self._limits)
+            if limit.step > 0.0 and limit.channel in sensors.names
+        ]
+        self._paired = sensors.paired and len(self._steps) == 2
+        stepping = [index for _, index in self._steps]
+        self._step_groups = [tuple(stepping)] if self._paired else [(k,) for k in stepping]
+        every = [(index,) for index in range(len(self._limits))]
+        self._readings = OwnReadings(list(dict.fromkeys((*every, *self._step_groups))))
+        self._step_places = np.array([place for place, _ in self._steps], dtype=int)
+        self._stepping = np.array([index for _, index in self._steps], dtype=int)
+        self._sizes = np.array([self._limits[index].step for _, index in self._steps])
 
     def _all_limits(self, count: int, period_s: float) -> Array:
         k = np.full(count, np.nan)
