@@ -134,8 +134,7 @@ class RelationCheck(Frozen):
         self, formed: ResidualRows, place: int, change: Array
     ) -> tuple[Array, Array, Array]:
         """Valid samples of one residual, of a unit changed so; its sensitivities, and speeds."""
-        noise = 1.0 if formed.noise is None else formed.noise[:, place]
-        values = formed.values[:, place] / noise
+        values = formed.values[:, place]
         use = np.isfinite(values)
         if self._known.rows[place].gate == "moving":
             use &= formed.moving
