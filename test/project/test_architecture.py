@@ -204,7 +204,6 @@ ARROWS = {
             "symbolic",
             "run_law",
         ),
-        "wiring": ("calibration", "detection", "residuals", "sensors"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -222,8 +221,7 @@ ARROWS = {
         "": (),
         "judgement": (),
         "stream": (),
-        "wiring": (),
-        "observer": ("judgement", "stream", "wiring"),
+        "observer": ("judgement", "stream"),
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),
