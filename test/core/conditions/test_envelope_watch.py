@@ -64,6 +64,13 @@ def residuals_of(rows: np.ndarray) -> ResidualRows:
     return bank.step(rows, frozen=False)
 
 
+def part_of(residuals: ResidualRows, part: slice) -> ResidualRows:
+    """Some of the scans; no reading is missing in them."""
+    assert residuals.noise is None
+    names = (name for name in ResidualRows.__slots__ if name != "noise")
+    return ResidualRows(*(getattr(residuals, name)[part] for name in names))
+
+
 @cache
 def columns(load_n: float) -> ema.Columns:
     """Twelve seconds, with this load from 4 to 8 s and 60 N else."""
@@ -79,7 +86,7 @@ def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...
     turns, outside = [], []
     for k in range(len(rows)):
         part = slice(k, k + 1)
-        one = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
+        one = part_of(residuals, part)
         if watch.step(rows[part], one) == 0:
             turns.append(k)
         watch.leave_out(one)
@@ -133,7 +140,7 @@ def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
     watch = watch_of(seen)
     found = []
     for part in (slice(500), slice(500, None)):
-        some = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
+        some = part_of(residuals, part)
         assert watch.step(rows[part], some) == len(some)
         found.append(watch.place.variance())
     expected = np.maximum(mean / most, 1.0)
