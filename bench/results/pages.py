@@ -150,8 +150,8 @@ PAGES = (
         "Reliability",
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
-        ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster", "soak",
-         "supervised", "first_launch", "shift"),
+        ("lossy", "missing_readings", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster",
+         "soak", "supervised", "first_launch", "shift"),
     ),
 )  # fmt: skip
 

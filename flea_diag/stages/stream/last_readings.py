@@ -37,7 +37,7 @@ class LastReadings:
         ``refused`` are readings that there were: nothing is held in their place.
         """
         missing = np.isnan(rows)
-        if np.array_equal(missing, np.broadcast_to(self._age >= self._longest, missing.shape)):
+        if (missing == (self._age >= self._longest)).all():
             # Each channel is there throughout, or has long been gone.
             self._last, self._age = rows[-1], missing[-1] * self._longest
             return rows
