@@ -27,6 +27,8 @@ Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Memory = tuple[Counts, Counts, Counts, Counts]
+"""Of each column how long its window and its gap are, how many rows each window has seen, and the
+longest gap."""
 
 
 class WindowedMeans:
@@ -34,10 +36,9 @@ class WindowedMeans:
 
     A gap of more than ``longest_gap`` rows, a number for each column or one for all, ends a window:
     from there on it has no mean until it is full again, nor where less than half of it is valid.
-    Rows come one by one or in blocks;
-    sums accumulate in the same order, so a block gives the same bits as its rows one by one. Memory
-    is constant. Sums are recomputed once per lap (of the longest window), so that rounding errors
-    do not accumulate over a day.
+    Rows come one by one or in blocks; sums accumulate in the same order, so a block gives the same
+    bits as its rows one by one. Memory is constant. Sums are recomputed once per lap (of the
+    longest window), so that rounding errors do not accumulate over a day.
     """
 
     def __init__(self, columns: int, windows: Sequence[int], longest_gap: int | Counts = 0) -> None:
@@ -100,8 +101,7 @@ class WindowedMeans:
         """Memory in which ``z_test_loops`` puts so many rows, no more than the longest window.
 
         Stores of values and of validity, and the sums; where in them the rows begin; rows of
-        this lap until now; how long each column's window is, how long its gap, how many rows each
-        window has seen, and the longest gap.
+        this lap until now; what is counted of each column.
         """
         start, lap = self._rows.place(count), self._lap
         self._valid.place(count)

@@ -20,6 +20,7 @@ Texts and numbers are those of the records; nothing is stated with more certaint
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.panel import Line, Panel, clock, share
@@ -254,10 +255,7 @@ def dropped(state: OperatorState) -> Panel | None:
         return Panel("dropped", f"{tr('RULED OUT')} ({group.dropped_count})", (Line(why),))
     if group is None or not group.dropped:
         return None
-    reasons: dict[str, list[str]] = {}
-    for entry in group.dropped:
-        reasons.setdefault(entry.reason, []).append(entry.fault)
-    lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
+    lines = _by_reason((entry.fault, entry.reason) for entry in group.dropped)
     return Panel("dropped", f"{tr('RULED OUT')} ({len(group.dropped)})", lines)
 
 
@@ -266,11 +264,16 @@ def unseen(state: OperatorState) -> Panel | None:
     group = state.group
     if group is None or not group.not_observable:
         return None
-    reasons: dict[str, list[str]] = {}
-    for fault, reason in group.not_observable:
-        reasons.setdefault(reason, []).append(fault)
-    lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
+    lines = _by_reason(group.not_observable)
     return Panel("unseen", f"{tr('NOT LOOKED FOR')} ({len(group.not_observable)})", lines)
+
+
+def _by_reason(faults: Iterable[tuple[str, str]]) -> tuple[Line, ...]:
+    """A line for each reason, with all faults that have it."""
+    reasons: dict[str, list[str]] = {}
+    for fault, reason in faults:
+        reasons.setdefault(reason, []).append(fault)
+    return tuple(Line(f"{reason}: {', '.join(alike)}") for reason, alike in reasons.items())
 
 
 def steps(state: OperatorState) -> Panel | None:

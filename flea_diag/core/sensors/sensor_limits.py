@@ -177,15 +177,15 @@ def _limit(
     period_s: float,
 ) -> SensorLimit:
     columns = [run[channel] for run in runs]
-    between, apart = _apart(columns)
+    came = [np.flatnonzero(np.isfinite(column)) for column in columns]
+    readings = [column[at] for column, at in zip(columns, came, strict=True)]
+    between, apart = _apart(readings, came)
     repeats, every = _repeats(channel, sensors, runs, rate_per_s, period_s), between
     if not repeats and apart > 1:
-        repeats, every = _slow_repeats(columns, apart, rate_per_s, period_s), between * apart
+        repeats, every = _slow_repeats(readings, apart, rate_per_s, period_s), between * apart
     if channel in sensors.held:
         return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0, every)
     quietest, loudest, scatter = _noise(columns, sensors.resolutions[channel])
-    came = [np.flatnonzero(np.isfinite(column)) for column in columns]
-    readings = [column[at] for column, at in zip(columns, came, strict=True)]
     steps = [np.abs(np.diff(r)) / np.diff(at) for r, at in zip(readings, came, strict=True)]
     way = max(float(np.quantile(step, REACH_QUANTILE)) for step in steps)
     sudden = 0.0
@@ -205,15 +205,16 @@ def _limit(
     )
 
 
-def _apart(columns: Sequence[Array]) -> tuple[int, int]:
+def _apart(readings: Sequence[Array], came: Sequence[npt.NDArray[np.int64]]) -> tuple[int, int]:
     """Scans from one reading to the next, and readings from one to the next that may differ.
+
+    ``came`` are the scans of the readings of each recording.
 
     A slow instrument is read faster than it measures: its readings change after a time that is
     always the same, or after some of them where it measures what it did before.
     """
-    came = [np.flatnonzero(np.isfinite(column)) for column in columns]
     between = float(np.median(np.concatenate([np.diff(at) for at in came])))
-    changes = [np.flatnonzero(np.diff(c[at])) for c, at in zip(columns, came, strict=True)]
+    changes = [np.flatnonzero(np.diff(each)) for each in readings]
     apart = np.concatenate([np.diff(change) for change in changes])
     held = float(np.quantile(apart, SELDOM, method="lower")) if len(apart) else 1.0
     return max(1, round(between)), max(1, round(held))
@@ -313,14 +314,14 @@ def _repeats(
     return repeats if repeats <= counts.of(LONGEST_REPEAT_S) else 0
 
 
-def _slow_repeats(columns: Sequence[Array], apart: int, rate_per_s: float, period_s: float) -> int:
+def _slow_repeats(readings: Sequence[Array], apart: int, rate_per_s: float, period_s: float) -> int:
     """The same of an instrument that measures once in ``apart`` readings, as a number of readings.
 
     A run of them is a stuck one at the stated rate; it has no drop-outs, which are shorter.
     """
     same = []
-    for column in columns:
-        times = np.diff(np.flatnonzero(np.diff(column[np.isfinite(column)])))
+    for each in readings:
+        times = np.diff(np.flatnonzero(np.diff(each)))
         measured = np.maximum(np.rint(times / apart).astype(np.int64), 1)
         row = np.ones(int(measured.sum()), dtype=bool)
         row[np.cumsum(measured) - 1] = False

@@ -111,10 +111,9 @@ class SensorTests:
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)
-        rest_scans = counts.of(REST_S)
         self._recent = np.full((KEPT, len(self._limits)), np.nan)
         unseen = [limit.channel for limit in self._limits if not limit.rested]
-        self._rest = RestWatch(self._names, unseen, sensors, rest_scans)
+        self._rest = RestWatch(self._names, unseen, sensors, counts.of(REST_S))
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""

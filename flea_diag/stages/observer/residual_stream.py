@@ -205,7 +205,7 @@ class ResidualStream:
         self._voltage.withhold(given, rows)
         output = self._follow(stamps_ns, rows, sensors, frozen, np.isnan(rows) & ~np.isnan(raw))
         if self._lost.any():
-            self._lost = np.append(self._lost, np.zeros(len(rows), dtype=bool))[-len(self._lost) :]
+            self._count_lost(np.zeros(len(rows), dtype=bool))
         output.regressors[:, self._regressors.jumps] = self._jumps.step(given)
         return output
 
@@ -216,10 +216,14 @@ class ResidualStream:
             np.full((count, width), np.nan) for width in (self._width, len(self._sensors.k))
         )
         self._follow(stamps_ns, rows, sensors, frozen)
-        self._lost = np.append(self._lost, np.ones(count, dtype=bool))[-len(self._lost) :]
+        self._count_lost(np.ones(count, dtype=bool))
         if 2 * np.count_nonzero(self._lost) > len(self._lost):
             # The filter bridges a few, and drifts over more.
             self._estimate.interrupt()
+
+    def _count_lost(self, lost: Flags) -> None:
+        """Which of the last scans, as many as a kernel has, are lost."""
+        self._lost = np.append(self._lost, lost)[-len(self._lost) :]
 
     def _follow(
         self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool,
