@@ -33,8 +33,9 @@ from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES, Instruments,
 from flea_sim_driver.faults import catalogue
 from flea_sim_driver.machine.machine import BLOCK_S
 from flea_sim_driver.plant.actuator import ActuatorPlant, Sizes, coefficients, with_faults
+from flea_sim_driver.plant.coefficients import Coefficients
 from flea_sim_driver.plant.disturbance import Disturbance
-from flea_sim_driver.plant.plant import STEP_S, Coefficients
+from flea_sim_driver.plant.plant import STEP_S
 from flea_sim_driver.plant.thermal import Temperatures, warmed
 from flea_sim_driver.plant.unit import SimulatedUnit, draw_unit
 from flea_sim_driver.plant.vibration import Severity, Vibration

@@ -131,7 +131,7 @@ class Acquisition:
         }
 
     def _electrical(self, block: Block) -> dict[str, Array]:
-        current, voltage = block.mean("current"), block.mean("voltage")
+        current, voltage = block.mean("drawn"), block.mean("voltage")
         if self._sensors.voltage == "instant_pwm":
             time = block.begin_s + np.arange(len(block.sizes)) * self._sampling.scan_s
             phase = np.mod(self._phase + self._bench.pwm_frequency_hz * time, 1.0)
