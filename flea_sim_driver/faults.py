@@ -14,9 +14,9 @@
 
 """Fault catalogue of a simulated machine: effect, place and size of each fault.
 
-Faults of the hardware are rows of ``flea_sim_driver.plant_faults``. Which faults a machine can have,
-and at which sizes, stands in its file. Sensor faults of every channel and mode follow from its
-``sensor_faults``.
+Faults of the hardware are rows of ``flea_sim_driver.plant_faults``. Which of them a machine can
+have, and at which sizes, stands in its file. Sensor faults of every channel and mode follow from
+its ``sensor_faults``.
 """
 
 from __future__ import annotations

@@ -252,8 +252,8 @@ def _integrate(
 
 
 PARTS = (
-    _stopped, _clipped, _position_loop, _link, _drive, _coupling_force, _ripple_force, _load_control,
-    _stop_force, _load_resistance, _lever,
+    _stopped, _clipped, _position_loop, _link, _drive, _coupling_force, _ripple_force,
+    _load_control, _stop_force, _load_resistance, _lever,
 )  # fmt: skip
 """What ``_integrate`` calls."""
 
