@@ -44,7 +44,8 @@ class FailureMode:
     found
         By what it is found, or which sensor would show it.
     group
-        What a verdict may name; empty: it does not show at the scan rate.
+        What a verdict may name: the fault, or what is nearest to it in the catalogue of the stand;
+        empty: it does not show at the scan rate.
     vibration
         Whether it takes accelerometers.
     """

@@ -58,7 +58,7 @@ def simulated(
     """Each fault of the machine at each size, and those of the catalogue that it cannot have."""
     rows = catalogue(scenario.machine)
     for row in rows.values():
-        told, remark = told_as(row.id, known)
+        names, remark = nearest_rows(row.id, known)
         shaken = row.id in known and by_vibration(known[row.id])
         for size in sizes(row, shares):
             values = scenario_to_mapping(scenario)
@@ -66,8 +66,8 @@ def simulated(
             fault = {"fault": row.id, "onset_s": onset_s, "size": size}
             yield Failure(
                 f"{row.id}_{size:g}", row.id, row.title, component(row.id, known), size,
-                row.size_unit, told, {**values, "sensors": sensors, "faults": [fault]},
-                remark=remark,
+                row.size_unit, names, {**values, "sensors": sensors, "faults": [fault]},
+                remark=remark, of_sensor=bool(row.channel),
             )  # fmt: skip
     for name, fault in known.items():
         if name not in rows:
@@ -92,14 +92,14 @@ def by_vibration(fault: Fault) -> bool:
     return fault.vibration and (fault.approach == "data" or not fault.effects)
 
 
-def told_as(fault: str, known: Mapping[str, Fault]) -> tuple[tuple[str, ...], str]:
-    """Faults that a right verdict may name, and how it is found where the catalogue lacks it."""
+def nearest_rows(fault: str, known: Mapping[str, Fault]) -> tuple[tuple[str, ...], str]:
+    """What a fault may be named as that the catalogue lacks, and by what it is found."""
     if fault in known:
-        return (fault,), ""
+        return (), ""
     modes = [mode for mode in FAILURE_MODES if mode.fault == fault]
-    found = f"; {modes[0].found}" if modes else ""
-    names = (name for mode in modes for name in mode.group)
-    return (fault, *names), f"not in the catalogue of the stand{found}"
+    found = f"; found by: {modes[0].found}" if modes else ""
+    names = tuple(name for mode in modes for name in mode.group)
+    return names, f"not in the catalogue of the stand{found}"
 
 
 def component(fault: str, known: Mapping[str, Fault]) -> str:

@@ -23,10 +23,11 @@ from typing import Any
 from flea_diag.tools.fmea.motion_effect import MotionEffect
 from flea_diag.tools.recordings.injection import ChannelFault
 
-ISOLATED, GROUPED, UNEXPLAINED = "isolated", "in the group", "unexplained"
+ISOLATED, GROUPED, NEAREST = "isolated", "in the group", "nearest named"
+UNEXPLAINED = "unexplained"
 MISNAMED, EARLY, MISSED, NOT_RUN = "another named", "alarm before it", "not detected", "not run"
 DETECTION: Mapping[str, int] = {
-    ISOLATED: 1, GROUPED: 3, UNEXPLAINED: 5, MISNAMED: 8, EARLY: 9, MISSED: 10,
+    ISOLATED: 1, GROUPED: 3, NEAREST: 4, UNEXPLAINED: 5, MISNAMED: 8, EARLY: 9, MISSED: 10,
 }  # fmt: skip
 """What became of it -> rating of the detection in the form of IEC 60812, 1 best, 10 worst."""
 
@@ -39,8 +40,8 @@ class Failure:
     ----------
     name
         Of its bag.
-    told_as
-        Faults that a right verdict may name.
+    nearest
+        Faults of the catalogue that it may be named as, where the catalogue has no row for it.
     scenario
         Of its simulation; empty: there is none.
     recording, injection
@@ -55,11 +56,12 @@ class Failure:
     component: str
     size: float | None = None
     size_unit: str = ""
-    told_as: tuple[str, ...] = ()
+    nearest: tuple[str, ...] = ()
     scenario: Mapping[str, Any] = field(default_factory=dict)
     recording: str = ""
     injection: ChannelFault | None = None
     remark: str = ""
+    of_sensor: bool = False
 
     def __str__(self) -> str:
         return self.name
@@ -125,7 +127,6 @@ def became(
         return EARLY if alarms else MISSED
     if outcome == "UNEXPLAINED":
         return UNEXPLAINED
-    named = set(group) & set(fault.told_as)
-    if not named:
-        return MISNAMED
-    return ISOLATED if len(group) == 1 else GROUPED
+    if fault.fault in group:
+        return ISOLATED if len(group) == 1 else GROUPED
+    return NEAREST if set(group) <= set(fault.nearest) else MISNAMED

@@ -53,6 +53,8 @@ class FailureRun:
 
     stand: Stand
     folder: Path
+    nominal: MotionEffect | None = None
+    """The motion without a failure."""
 
     def __call__(self, failure: Failure) -> AnalysedFailure:
         """The line of a failure; an error becomes a line that says so."""
@@ -81,7 +83,8 @@ class FailureRun:
                     written.write(each)
         with closing(make_pipeline(self.stand)) as stage:
             done = diagnose(records_of(Recipe(recording=str(bag))), stage)
-        return _analysed(failure, done, effect, f"{BAGS}/{failure.name}")
+        idle = effect is not None and effect.like(self.nominal)
+        return _analysed(failure, done, effect, f"{BAGS}/{failure.name}", idle)
 
 
 @lru_cache(maxsize=4)
@@ -107,7 +110,7 @@ def effect_of(scenario: Scenario, from_s: float) -> MotionEffect:
 
 
 def _analysed(
-    failure: Failure, done: CaseDiagnosis, effect: MotionEffect | None, bag: str
+    failure: Failure, done: CaseDiagnosis, effect: MotionEffect | None, bag: str, idle: bool
 ) -> AnalysedFailure:
     result, summary = scored(Case(failure.name, "simulated", failure.fault, Recipe()), {}, done)
     detected, episodes = result.detection_time_s is not None, summary["episodes"]
@@ -124,7 +127,7 @@ def _analysed(
         episodes[-1]["detected_by"] if episodes else "",
         result.detection_time_s,
         "; ".join(filter(None, words)),
-        _missed(failure, summary) if what == MISSED else failure.remark,
+        _missed(failure, summary, idle) if what == MISSED else failure.remark,
         bag,
     )
 
@@ -135,7 +138,7 @@ def _last(records: Iterable[object]) -> AmbiguityGroup | None:
     return max(groups, key=lambda group: group.stamp_ns, default=None)
 
 
-def _missed(failure: Failure, summary: dict[str, object]) -> str:
+def _missed(failure: Failure, summary: dict[str, object], idle: bool) -> str:
     """Why a failure was not detected: as far as the verdict, or the row itself, says."""
     if failure.remark:
         return failure.remark
@@ -143,6 +146,8 @@ def _missed(failure: Failure, summary: dict[str, object]) -> str:
     unseen = {row["fault"]: row["reason"] for row in rows} if isinstance(rows, list) else {}
     if failure.fault in unseen:
         return str(unseen[failure.fault])
+    if idle and not failure.of_sensor:
+        return "no effect in this motion: tracking error and current are as without it"
     sizes = summary["shows_from"]
     least = sizes.get(failure.fault) if isinstance(sizes, dict) else None
     if least:

@@ -119,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder: Path = arguments.output.absolute()
     _begin(folder, arguments.force, (BAGS, PAGE, TABLE))
     lines = []
-    for line in _lines(failures, FailureRun(stand, folder), jobs):
+    for line in _lines(failures, FailureRun(stand, folder, nominal), jobs):
         if line.broken:
             warn(f"{line.failure.name}: {line.broken}")
         rating = ratings.get(line.failure.fault)

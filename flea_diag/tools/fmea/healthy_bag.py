@@ -124,5 +124,5 @@ def injected(
             made = ChannelFault(fault.channel, fault.mode, size, bag.onset_s, number)
             yield Failure(
                 f"{name}_{size:g}", name, fault.response.name, where, size, row.size_unit,
-                (name,), recording=str(bag.path), injection=made,
+                recording=str(bag.path), injection=made, of_sensor=True,
             )  # fmt: skip

@@ -25,6 +25,9 @@ from flea_sim_driver.acquisition.acquisition import Block
 
 Array = npt.NDArray[np.float64]
 
+ALIKE = 0.01
+"""Share of a tracking error or a current that is no effect."""
+
 
 @dataclass(frozen=True)
 class MotionEffect:
@@ -34,6 +37,16 @@ class MotionEffect:
     tracking_peak: float
     current_rms_a: float
     winding_degc: float
+
+    def like(self, other: MotionEffect | None) -> bool:
+        """Whether tracking error and current are those of another run, within ``ALIKE``."""
+        if other is None:
+            return False
+        pairs = (
+            (self.tracking_rms, other.tracking_rms),
+            (self.current_rms_a, other.current_rms_a),
+        )
+        return all(abs(mine - its) <= ALIKE * its for mine, its in pairs)
 
 
 @dataclass
