@@ -65,7 +65,7 @@ def simulated(
             sensors = {**values.get("sensors", {}), "vibration": shaken}
             fault = {"fault": row.id, "onset_s": onset_s, "size": size}
             yield Failure(
-                f"{row.id}_{size:g}", row.id, row.title, component(row.id, known), size,
+                f"{row.id}_{size:g}", row.id, row.title, component(row, known), size,
                 row.size_unit, names, {**values, "sensors": sensors, "faults": [fault]},
                 remark=remark, of_sensor=bool(row.channel),
             )  # fmt: skip
@@ -102,12 +102,12 @@ def nearest_rows(fault: str, known: Mapping[str, Fault]) -> tuple[tuple[str, ...
     return names, f"not in the catalogue of the stand{found}"
 
 
-def component(fault: str, known: Mapping[str, Fault]) -> str:
+def component(row: FaultRow, known: Mapping[str, Fault]) -> str:
     """What fails."""
-    if fault in known:
-        return known[fault].component.replace("_", " ")
-    modes = (mode.component.lower() for mode in FAILURE_MODES if mode.fault == fault)
-    return next(modes, fault.replace("_", " "))
+    if row.id in known:
+        return known[row.id].component.replace("_", " ")
+    modes = (mode.component.lower() for mode in FAILURE_MODES if mode.fault == row.id)
+    return next(modes, (row.channel or row.id).replace("_", " "))
 
 
 def sizes(row: FaultRow, shares: Sequence[float]) -> tuple[float, ...]:

@@ -104,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run every failure and write the tables; 0 if all of them ran."""
-    from flea_diag.tools.fmea.catalogue_rows import chosen
+    from flea_diag.tools.fmea.catalogue_rows import chosen, known_faults
     from flea_diag.tools.fmea.failure_run import BAGS, FailureRun
     from flea_diag.tools.fmea.ratings import load_ratings
     from flea_diag.tools.workers import jobs_of
@@ -113,8 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
     jobs = jobs_of(arguments.jobs)
     stand = absolute(accepted_stand(arguments, "calibration"))
     failures, nominal, unit = _planned(arguments, stand)
+    known = {*known_faults(stand), *(each.fault for each in failures)}
     failures = chosen(failures, arguments.fault)
-    known = {each.fault for each in failures}
     ratings = load_ratings(arguments.ratings, known) if arguments.ratings else {}
     folder: Path = arguments.output.absolute()
     _begin(folder, arguments.force, (BAGS, PAGE, TABLE))

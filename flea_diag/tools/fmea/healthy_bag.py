@@ -42,7 +42,7 @@ OTHER_SIZES = {"dead": 0.0, "dropout": 1.0, "scaling": 1.2}
 BEGINS = 0.4
 """Share of the recording after which a fault begins, in motion."""
 HARDWARE = (
-    "a fault of the hardware changes the motion itself, so it cannot be injected: simulate it"
+    "no fault of a reading: it changes motion or vibration and cannot be injected: simulate it"
 )
 
 
@@ -113,8 +113,8 @@ def injected(
     for name, fault in known.items():
         bag = bags[number % len(bags)]
         where = fault.component.replace("_", " ")
-        if not fault.channel or bag.table.info(fault.channel) is None:
-            why = f"{bag.path.name} has no {fault.channel}" if fault.channel else HARDWARE
+        if not fault.channel or not all(np.isfinite(b.column(fault.channel)).any() for b in bags):
+            why = f"not all recordings have {fault.channel}" if fault.channel else HARDWARE
             yield Failure(name, name, fault.response.name, where, remark=why)
             continue
         row = stated.get(name) or bag.row(fault)

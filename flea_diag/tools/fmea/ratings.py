@@ -64,7 +64,7 @@ def load_ratings(path: Path, known: Collection[str]) -> dict[str, Rating]:
         if name not in known:
             close = nearest(name, known)
             meant = f"; did you mean {close}?" if close else ""
-            raise ConfigurationError(f"{path}: {shown(name)} is no fault of the table{meant}")
+            raise ConfigurationError(f"{path}: {shown(name)} is no fault of the stand{meant}")
     return ratings
 
 

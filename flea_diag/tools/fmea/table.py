@@ -122,14 +122,10 @@ def counts(lines: Sequence[AnalysedFailure]) -> list[tuple[str, int]]:
     return sorted(found.items(), key=lambda entry: DETECTION.get(entry[0], 99))
 
 
-def _effect(effect: MotionEffect, unit: str) -> list[str]:
-    scale, name = (1e3, "mm") if unit == "m" else (1e3, f"m{unit}")
-    return [
-        f"{scale * effect.tracking_rms:.2f} {name}",
-        f"{scale * effect.tracking_peak:.2f} {name}",
-        f"{effect.current_rms_a:.2f} A",
-        f"{effect.winding_degc:.1f} °C",
-    ]
+def _effect(effect: MotionEffect, unit: str) -> str:
+    rms, peak = 1e3 * effect.tracking_rms, 1e3 * effect.tracking_peak
+    tracking = f"tracking {rms:.2f} m{unit} rms, {peak:.2f} m{unit} peak"
+    return f"{tracking}; {effect.current_rms_a:.2f} A rms; {effect.winding_degc:.1f} °C"
 
 
 def _shown(line: AnalysedFailure, unit: str) -> Row:
@@ -138,7 +134,7 @@ def _shown(line: AnalysedFailure, unit: str) -> Row:
     return {
         **cells(line),
         "size": "" if size is None else f"{size:.4g} {line.failure.size_unit}",
-        "effect": _effect(line.effect, unit) if line.effect else ["", "", "", ""],
+        "effect": _effect(line.effect, unit) if line.effect else "",
         "group": ", ".join(line.group),
         "delay": "" if line.delay_s is None else f"{line.delay_s:.2f}",
         "good": (line.detection or 99) <= DETECTION["in the group"],
