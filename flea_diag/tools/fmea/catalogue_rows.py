@@ -83,7 +83,7 @@ def of_table1(known: Mapping[str, Fault], machine: Machine, seed: int) -> Iterat
         yield Failure(
             mode.name, mode.fault, f"{mode.mode}: {mode.effect}", mode.component,
             mode.course.get("size", row.default_size), row.size_unit, mode.group,
-            scenario_to_mapping(scenario), remark=mode.found,
+            scenario_to_mapping(scenario), remark=f"found by: {mode.found}",
         )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def test_a_bag_of_each_failure_mode_is_diagnosed_as_the_table_says(
     assert truth.fault == failure.fault
     mode = MODES[failure.name]
     if not mode.group:
-        assert (line.became, line.outcome, line.remark) == (MISSED, "NOMINAL", mode.found)
+        assert (line.became, line.outcome, line.remark) == (MISSED, "NOMINAL", failure.remark)
         return
     if "on_s" in mode.course and line.outcome in ("NOMINAL", "UNEXPLAINED"):
         return  # what comes and goes is named, or not at all: never as another fault
