@@ -31,6 +31,9 @@ DETECTION: Mapping[str, int] = {
 }  # fmt: skip
 """What became of it -> rating of the detection in the form of IEC 60812, 1 best, 10 worst."""
 
+MOST_NAMED = 6
+"""Largest group that says anything of the failure."""
+
 
 @dataclass(frozen=True)
 class Failure:
@@ -125,7 +128,7 @@ def became(
     """
     if not detected:
         return EARLY if alarms else MISSED
-    if outcome == "UNEXPLAINED":
+    if outcome == "UNEXPLAINED" or len(group) > MOST_NAMED:
         return UNEXPLAINED
     if fault.fault in group:
         return ISOLATED if len(group) == 1 else GROUPED

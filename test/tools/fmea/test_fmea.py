@@ -201,6 +201,7 @@ def test_a_folder_of_others_is_not_deleted(
         (True, True, "AMBIGUOUS", ("spall", "jam"), GROUPED),
         (True, True, "ISOLATED", ("spall",), MISNAMED),
         (True, True, "UNEXPLAINED", ("jam",), UNEXPLAINED),
+        (True, True, "AMBIGUOUS", ("jam", *"abcdef"), UNEXPLAINED),
         (False, True, "ISOLATED", ("jam",), EARLY),
         (False, False, "NOMINAL", (), MISSED),
     ],
