@@ -14,9 +14,9 @@
 
 """Fault catalogue of a simulated machine: effect, place and size of each fault.
 
-A new fault is a row of ``PLANT_FAULTS`` and a small function from coefficients and size to
-coefficients. Which faults a machine can have, and at which sizes, stands in its file. Sensor faults
-of every channel and mode follow from its ``sensor_faults``.
+Faults of the hardware are rows of ``flea_sim_driver.plant_faults``. Which of them a machine can
+have, and at which sizes, stands in its file. Sensor faults of every channel and mode follow from
+its ``sensor_faults``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from typing import Any
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.machine.machine_file import numbers_of
-from flea_sim_driver.plant.plant import Coefficients
+from flea_sim_driver.plant.coefficients import Coefficients
+from flea_sim_driver.plant_faults import PLANT_FAULTS, Numbers, PlantFault
 
 Change = Callable[[Coefficients, float], Coefficients]
 
@@ -55,179 +56,6 @@ class FaultRow:
     channel: str = ""
     mode: str = ""
 
-
-Numbers = Mapping[str, float]
-
-
-def _jam(c: Coefficients, size: float, own: Numbers) -> Coefficients:
-    """Drag of a jammed unit at size 1: dry, growing with speed, and growing with the load."""
-    return c._replace(
-        coulomb=c.coulomb + own["coulomb_n"] * size,
-        viscous=c.viscous + own["viscous_n_s_m"] * size,
-        load_friction=c.load_friction + own["load_friction"] * size,
-    )
-
-
-def _ball_nut_friction(c: Coefficients, size: float, own: Numbers) -> Coefficients:
-    """Failed lubrication: viscous drag grows by ``size`` times its nominal value."""
-    return c._replace(
-        viscous=c.viscous * (1.0 + size), coulomb=c.coulomb * (1.0 + own["dry_share"] * size)
-    )
-
-
-def _spall(c: Coefficients, size: float, own: Numbers) -> Coefficients:
-    """Balls passing a pit: a zero-mean force ripple at ball pass and hardly any drag."""
-    return c._replace(spall=own["ripple_n"] * size, coulomb=c.coulomb + own["coulomb_n"] * size)
-
-
-def _backlash(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    return c._replace(backlash=c.backlash + size)
-
-
-def _rotor_eccentricity(c: Coefficients, size: float, own: Numbers) -> Coefficients:
-    return c._replace(eccentric=c.eccentric + own["ripple_n"] * size)
-
-
-def _winding_short(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """A share ``size`` of the turns is bypassed: R and K fall in proportion, L with its square."""
-    left = 1.0 - size
-    return c._replace(
-        resistance=c.resistance * left,
-        force_constant=c.force_constant * left,
-        current_decay=c.current_decay ** (1.0 / left),
-    )
-
-
-def _winding_open(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """Contact lost: the resistance tends to infinity as ``size`` approaches 1."""
-    left = max(1.0 - size, 1e-9)
-    return c._replace(resistance=c.resistance / left, current_decay=c.current_decay ** (1.0 / left))
-
-
-def _motor_failure(c: Coefficients, size: float, own: Numbers) -> Coefficients:
-    """The motor draws no current and produces no torque: K and 1/R fall together."""
-    opened = _winding_open(c, size, own)
-    return opened._replace(force_constant=c.force_constant * max(1.0 - size, 0.0))
-
-
-def _supply_open(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The bridge has no supply: its transistors stay off and the motor coasts."""
-    if size >= 1.0:
-        return c._replace(supply=0.0, bridge=0.0)
-    return c._replace(supply=c.supply * (1.0 - size))
-
-
-def _supply_short(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The supply rail is pulled down and the motor brakes itself through the bridge."""
-    return c._replace(supply=c.supply * (1.0 - size))
-
-
-def _magnet_loss(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The magnets lose a share ``size``: back-EMF and torque constant alone."""
-    return c._replace(force_constant=c.force_constant * (1.0 - size))
-
-
-def _winding_resistance_rise(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The winding's resistance grows by a share ``size``, and nothing else changes."""
-    grown = 1.0 + size
-    return c._replace(resistance=c.resistance * grown, current_decay=c.current_decay**grown)
-
-
-def _supply_sag(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The supply sags by a share ``size``, and a bridge of given duty passes it on."""
-    return c._replace(supply=c.supply * (1.0 - size), duty=c.duty * (1.0 - size))
-
-
-def _weak_drive(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The bridge delivers a share ``size`` less than commanded."""
-    return c._replace(duty=c.duty * (1.0 - size))
-
-
-def _controller_gain(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The position controller answers to ``size`` times the error."""
-    return c._replace(position_gain=c.position_gain * size, position_reset=c.position_reset * size)
-
-
-def _slipping_gear(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """The motor turns a share ``size`` farther than the nut goes, and its gear takes the power."""
-    return c._replace(slip=size)
-
-
-def _second_load(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """A constant force on the nut that the load cell does not feel."""
-    return c._replace(unseen_load=size)
-
-
-def _unbalance(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
-    """A part has moved in its clamp: another moment where the link lies level."""
-    return c._replace(link_moment=c.link_moment + size)
-
-
-def _none(c: Coefficients, _size: float, _own: Numbers) -> Coefficients:
-    return c
-
-
-@dataclass(frozen=True)
-class PlantFault:
-    """What a fault of the hardware does; ``numbers`` are those that a machine states for it."""
-
-    title: str
-    size_unit: str
-    approach: str
-    effect: Callable[[Coefficients, float, Numbers], Coefficients]
-    numbers: tuple[str, ...] = ()
-    places: tuple[str, ...] = ("plant",)
-
-
-PLANT_FAULTS: Mapping[str, PlantFault] = {
-    "jam": PlantFault("ball screw jam (heavy drag)", "of a jammed unit", "physics", _jam,
-                      ("coulomb_n", "viscous_n_s_m", "load_friction")),
-    "spall": PlantFault("spall on the ball screw's raceway", "of a 1 mm pit", "hybrid", _spall,
-                        ("ripple_n", "coulomb_n")),
-    "ball_nut_friction": PlantFault(
-        "ball nut friction (lubrication lost)", "times nominal viscous friction", "hybrid",
-        _ball_nut_friction, ("dry_share",)),
-    "gear_friction": PlantFault(
-        "gear friction (lubrication lost)", "times nominal viscous friction", "hybrid",
-        _ball_nut_friction, ("dry_share",)),
-    "bearing_friction": PlantFault(
-        "bearing friction (lubrication lost)", "times nominal viscous friction", "physics",
-        _ball_nut_friction, ("dry_share",)),
-    "backlash": PlantFault("backlash of the nut", "m", "hybrid", _backlash),
-    "rotor_eccentricity": PlantFault("rotor shaft eccentricity", "of 0.1 mm", "hybrid",
-                                     _rotor_eccentricity, ("ripple_n",)),
-    "winding_short": PlantFault("winding short (turns bypassed)", "share of turns", "physics",
-                                _winding_short),
-    "winding_resistance_rise": PlantFault(
-        "rise of the winding's resistance", "share of the resistance", "physics",
-        _winding_resistance_rise),
-    "magnet_loss": PlantFault("loss of magnet strength", "share of the motor constants",
-                              "physics", _magnet_loss),
-    "winding_open": PlantFault("stator coil fails open", "share of conductance lost", "physics",
-                               _winding_open),
-    "motor_failure": PlantFault("motor failure", "share of torque lost", "physics",
-                                _motor_failure),
-    "supply_open": PlantFault("power supply open circuit", "share of supply lost", "hybrid",
-                              _supply_open),
-    "supply_short": PlantFault("power supply short circuit", "share of supply lost", "hybrid",
-                               _supply_short),
-    "supply_sag": PlantFault("sagging supply", "share of supply lost", "physics", _supply_sag),
-    "weak_drive": PlantFault("weak drive", "share of the output voltage lost", "physics",
-                             _weak_drive),
-    "controller_gain": PlantFault("gain of the position controller", "times its gain", "physics",
-                                  _controller_gain),
-    "slipping_gear": PlantFault("slipping gear", "share of the motor's way", "physics",
-                                _slipping_gear),
-    "unbalance": PlantFault("moment of what turns out of balance", "N m", "physics", _unbalance),
-    "second_load": PlantFault("second load, not on the load cell", "N", "physics", _second_load),
-    "accelerometer_1_fault": PlantFault(
-        "accelerometer 1 (motor housing): noise, or dead at size 0", "m/s^2 of noise, 0: dead",
-        "data", _none, places=("daq",)),
-    "accelerometer_2_fault": PlantFault(
-        "accelerometer 2 (nut): noise, or dead at size 0", "m/s^2 of noise, 0: dead",
-        "data", _none, places=("daq",)),
-}  # fmt: skip
-"""Every fault of the hardware that can be simulated; a machine's file says which it can have."""
 
 SIZES = ("size", "minimum", "maximum")
 SIZE_UNIT = "size_unit"

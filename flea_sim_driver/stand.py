@@ -33,11 +33,12 @@ from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES, Instruments,
 from flea_sim_driver.faults import catalogue
 from flea_sim_driver.machine.machine import BLOCK_S
 from flea_sim_driver.plant.actuator import ActuatorPlant, Sizes, coefficients, with_faults
+from flea_sim_driver.plant.coefficients import Coefficients
 from flea_sim_driver.plant.disturbance import Disturbance
-from flea_sim_driver.plant.plant import STEP_S, Coefficients
+from flea_sim_driver.plant.plant import STEP_S
 from flea_sim_driver.plant.thermal import Temperatures, warmed
 from flea_sim_driver.plant.unit import SimulatedUnit, draw_unit
-from flea_sim_driver.plant.vibration import Severity, Vibration
+from flea_sim_driver.plant.vibration import Vibration
 from flea_sim_driver.scenario.feasibility import checked_fault
 from flea_sim_driver.scenario.holding import GRIPS_S, engaged
 from flea_sim_driver.scenario.profile import commanded
@@ -62,6 +63,11 @@ class SimulatedStand:
         A checked scenario.
     start_ns
         Stamp of the first sample; by default the start of the scenario.
+
+    Attributes
+    ----------
+    block
+        True signals of the latest block; None before the first.
     """
 
     def __init__(self, scenario: Scenario, start_ns: int | None = None) -> None:
@@ -97,6 +103,7 @@ class SimulatedStand:
         self._told: set[int] = set()
         self._tell_nominal = True
         self._block = 0
+        self.block: Block | None = None
         position, _ = commanded(scenario, np.zeros(1))
         start_m = float(np.clip(position[0], travel.low_m, travel.high_m))
         c = coefficients(self.units[run.active_unit], self.bench)
@@ -130,7 +137,7 @@ class SimulatedStand:
         records = self._opening() + self._truths()
         self.unit_in_use = self.scenario.unit_at(self.time_s)
         before = self._temperatures[self.unit_in_use]
-        block = self._run()
+        self.block = block = self._run()
         after = self._warm(block)
         records += self._stamped(self._acquisition.read(block, before, after))
         if self.scenario.sensors.vibration:
@@ -138,6 +145,11 @@ class SimulatedStand:
         self._block += 1
         records.sort(key=lambda record: (record.stamp_ns, TOPIC_OF[type(record)].rank))
         return tuple(records)
+
+    @property
+    def winding_degc(self) -> float:
+        """True temperature of the winding in use."""
+        return self._temperatures[self.unit_in_use].winding
 
     # -- faults, live ----------------------------------------------------------------------
 
@@ -258,7 +270,7 @@ class SimulatedStand:
             block.column("speed"),
             block.column("position") / block.unit.screw_ratio_m_rad,
             block.column("force"),
-            _severity(block),
+            block.severity,
         )
         offsets = np.round(np.arange(vibration.count) * (1e9 / vibration.rate_hz))
         stamp = self.start_ns + self._block * BLOCK_NS
@@ -334,21 +346,3 @@ def _vibrations(
         )
         for name, draw in zip(("Y", "X"), structures, strict=True)
     }
-
-
-def _severity(block: Block) -> Severity:
-    """Vibration sources of a block: the faults present in the middle of it."""
-    middle = block.sizes[len(block.sizes) // 2]
-    now = {
-        course.row.id: size
-        for course, size in zip(block.courses, middle, strict=True)
-        if size is not None
-    }
-    return Severity(
-        spall=now.get("spall", 0.0),
-        jam=now.get("jam", 0.0),
-        friction=now.get("ball_nut_friction", 0.0),
-        eccentricity=now.get("rotor_eccentricity", 0.0),
-        backlash_m=now.get("backlash", 0.0),
-        accelerometers=(now.get("accelerometer_1_fault"), now.get("accelerometer_2_fault")),
-    )

@@ -49,6 +49,7 @@ MODULES = {
     "export": "export.export",
     "evaluate": "evaluate.evaluate",
     "coverage": "evaluate.coverage",
+    "fmea": "fmea.fmea",
     "diff": "score.diff",
     "trend": "replay.trend",
     "events": "replay.events",

@@ -23,6 +23,8 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.argument import MOST_JOBS
 from flea_diag.tools.garbage import search_less
 from flea_diag.tools.refused import DIED, Refused
 from flea_diag.wire.command_budget import begin_command, shared_sums
@@ -34,6 +36,21 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+
+def jobs_of(given: int | None) -> int:
+    """Processes that a user asks for; one for each core where nothing is said.
+
+    Raises
+    ------
+    ConfigurationError
+        So many are none, or too many.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    jobs = given if given is not None else cores or 1
+    if not 1 <= jobs <= MOST_JOBS:
+        raise ConfigurationError(f"-j {jobs}: must be from 1 to {MOST_JOBS}")
+    return jobs
 
 
 def in_order(

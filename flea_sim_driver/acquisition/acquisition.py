@@ -29,6 +29,7 @@ from flea_sim_driver.plant.drive import Waveform, waveform
 from flea_sim_driver.plant.plant import SIGNALS
 from flea_sim_driver.plant.thermal import Temperatures
 from flea_sim_driver.plant.unit import Bench, SimulatedUnit
+from flea_sim_driver.plant.vibration import Severity
 from flea_sim_driver.scenario.settings import Sensors
 from flea_sim_driver.schedule import FaultCourse
 
@@ -61,6 +62,24 @@ class Block:
     def scan_mean(self, values: Array) -> Array:
         """Values at every step averaged over each scan, shape (scans,)."""
         return np.asarray(values.reshape(len(self.sizes), -1).mean(axis=1))
+
+    @property
+    def severity(self) -> Severity:
+        """Vibration sources: the faults present in the middle of the block."""
+        middle = self.sizes[len(self.sizes) // 2]
+        now = {
+            course.row.id: size
+            for course, size in zip(self.courses, middle, strict=True)
+            if size is not None
+        }
+        return Severity(
+            spall=now.get("spall", 0.0),
+            jam=now.get("jam", 0.0),
+            friction=now.get("ball_nut_friction", 0.0),
+            eccentricity=now.get("rotor_eccentricity", 0.0),
+            backlash_m=now.get("backlash", 0.0),
+            accelerometers=(now.get("accelerometer_1_fault"), now.get("accelerometer_2_fault")),
+        )
 
 
 def pwm(block: Block, bench: Bench) -> Waveform:
@@ -131,7 +150,7 @@ class Acquisition:
         }
 
     def _electrical(self, block: Block) -> dict[str, Array]:
-        current, voltage = block.mean("current"), block.mean("voltage")
+        current, voltage = block.mean("drawn"), block.mean("voltage")
         if self._sensors.voltage == "instant_pwm":
             time = block.begin_s + np.arange(len(block.sizes)) * self._sampling.scan_s
             phase = np.mod(self._phase + self._bench.pwm_frequency_hz * time, 1.0)

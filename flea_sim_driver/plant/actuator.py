@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_sim_driver.plant.plant import SIGNALS, STATES, STEP_S, Coefficients, integrator
+from flea_sim_driver.plant.coefficients import Coefficients
+from flea_sim_driver.plant.plant import SIGNALS, STATES, STEP_S, integrator
 from flea_sim_driver.plant.unit import Bench, SimulatedUnit
 from flea_sim_driver.plant.vibration import ball_pass_order
 from flea_sim_driver.schedule import FaultCourse
@@ -37,6 +38,12 @@ HEALTHY: dict[str, float] = {
     "slip": 0.0,
     "unseen_load": 0.0,
     "bridge": 1.0,
+    "link_turns": 0.0,
+    "link_ripple": 0.0,
+    "link_ohm": 0.0,
+    "leg_resistance": 0.0,
+    "leg_decay": 0.0,
+    "leak": 0.0,
     "feedback_scale": 1.0,
     "feedback_offset": 0.0,
     "feedback_noise": 0.0,

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,98 +33,13 @@ import numpy.typing as npt
 STEP_S = 0.5e-3
 STATES = (
     "current", "speed", "position", "load_speed", "load_position", "load_current", "trim", "felt",
-    "wound", "slack", "wish", "slipped",
+    "wound", "slack", "wish", "slipped", "phase",
 )  # fmt: skip
 SIGNALS = (
     "current", "voltage", "command", "speed", "position", "load_position", "force",
-    "load_current", "friction_power", "slipped", "supply",
+    "load_current", "friction_power", "slipped", "supply", "drawn",
 )  # fmt: skip
 Array = npt.NDArray[np.float64]
-
-
-class Coefficients(NamedTuple):
-    """Everything the integrator needs, constant over one call; linear coordinates, SI."""
-
-    resistance: float
-    current_decay: float
-    force_constant: float
-    mass: float
-    coulomb: float
-    stribeck: float
-    stribeck_speed: float
-    viscous: float
-    load_friction: float
-    backlash: float
-    lead_error: float
-    ripple: float
-    ripple_order: float
-    eccentric: float
-    spall: float
-    spall_order: float
-    slip: float
-    unseen_load: float
-    screw_ratio: float
-    motor_ratio: float
-    cogging: float
-    cogging_order: float
-    friction_wave: float
-    wave_number: float
-    nominal_supply: float
-    supply: float
-    supply_resistance: float
-    current_limit: float
-    dead_time_drop: float
-    bridge: float
-    duty: float
-    duty_droop: float
-    position_gain: float
-    position_knee: float
-    position_reset: float
-    rate_gain: float
-    reset_limit: float
-    droop: float
-    droop_lag: float
-    feedback_scale: float
-    feedback_offset: float
-    feedback_noise: float
-    current_feedback_scale: float
-    current_feedback_offset: float
-    current_feedback_noise: float
-    force_feedback_scale: float
-    force_feedback_offset: float
-    force_feedback_noise: float
-    coupling_stiffness: float
-    coupling_damping: float
-    load_mass: float
-    weight: float
-    link_moment: float
-    link_level: float
-    load_coulomb: float
-    load_viscous: float
-    load_drag: float
-    load_drag_speed: float
-    rough_rest: float
-    rough_speed: float
-    rough_load: float
-    load_constant: float
-    load_lag: float
-    load_stiffness: float
-    load_centre: float
-    crank: float
-    brake: float
-    brake_knee: float
-    brake_limit: float
-    brake_wind: float
-    brake_slack: float
-    brake_catch: float
-    trim_rate: float
-    trim_limit: float
-    nut_low: float
-    nut_high: float
-    load_low: float
-    load_high: float
-    stop_stiffness: float
-    stop_damping: float
 
 
 def _stopped(speed: float, impulse: float) -> float:
@@ -158,22 +73,46 @@ def _position_loop(
     return command, felt, wish
 
 
-def _drive(c: Any, command: float, emf: float, i: float) -> tuple[float, float, float]:
-    """Limited command, voltage at the winding, and current at the end of the step."""
+def _link(c: Any, command: float, i: float, phase: float) -> tuple[float, float]:
+    """Share of its supply that the link of the bridge has, and its phase in the ripple.
+
+    The capacitor of the link carries the motor from one peak of the rectifier to the next. One that
+    has lost its capacitance lets the voltage fall in between, by the current that is drawn.
+    """
+    if c.link_turns == 0.0:
+        return 1.0, phase
+    phase += c.link_turns
+    if phase >= 1.0:
+        phase -= 1.0
+    drawn = max(command * i, 0.0) / c.nominal_supply
+    fallen = min(c.link_ohm * drawn / c.nominal_supply, 1.0)
+    return 1.0 + c.link_ripple * math.sin(2.0 * math.pi * phase) - fallen * phase, phase
+
+
+def _drive(
+    c: Any, command: float, emf: float, i: float, phase: float
+) -> tuple[float, float, float, float, float]:
+    """Limited command, voltage at the winding, current, voltage of the link, and its phase."""
     # The drive's current limit acts within a PWM period: no more voltage than it allows.
     allowed = c.current_limit * c.resistance
     command = min(max(command, emf - allowed), emf + allowed)
     command = _clipped(command, c.nominal_supply)
-    available = max(c.supply - c.supply_resistance * abs(i), 0.0)
+    share, phase = _link(c, command, i, phase)
+    available = max(c.supply * share - c.supply_resistance * abs(i), 0.0)
     # Winding, exact over the step; bridge 0 = high impedance, no current.
-    duty = c.duty * (1.0 - c.duty_droop * abs(i))
+    duty = c.duty * (1.0 - c.duty_droop * abs(i)) * share
     voltage = _clipped(command * duty, available) - c.dead_time_drop * i / (abs(i) + 0.1)
-    settled = (voltage - emf) / c.resistance
-    i = settled + (i - settled) * c.current_decay
+    # One leg of the bridge, which conducts while the command is positive, may be damaged.
+    leg, decay = 0.0, c.current_decay
+    if command > 0.0 and c.leg_resistance != 0.0:
+        leg, decay = c.leg_resistance, c.leg_decay
+    settled = (voltage - emf) / (c.resistance + leg)
+    i = settled + (i - settled) * decay
+    voltage -= leg * i
     if c.bridge == 0.0:
         i = 0.0
         voltage = emf
-    return command, voltage, i
+    return command, voltage, i, max(c.supply * share - c.supply_resistance * abs(i), 0.0), phase
 
 
 def _coupling_force(c: Any, gap: float, closing: float) -> float:
@@ -268,14 +207,17 @@ def _integrate(
     state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
 ) -> None:
     """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
-    i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped = state
+    i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped, phase = state
+    drawn = i
     for k in range(reference.shape[0]):
         # What a motor whose gear slips turns beyond the nut: its own sensor reads both.
         turned = x + slipped
         command, felt, wish = _position_loop(
-            c, dt, reference[k], noise[k, 0], i, turned, v, felt, wish
+            c, dt, reference[k], noise[k, 0], drawn, turned, v, felt, wish
         )
-        command, voltage, i = _drive(c, command, c.force_constant * v * (1.0 + c.slip), i)
+        emf = c.force_constant * v * (1.0 + c.slip)
+        command, voltage, i, supply, phase = _drive(c, command, emf, i, phase)
+        drawn = i + c.leak * voltage  # what the controller measures, before its leads
         # Motor and screw, against the coupling.
         angle = x / c.screw_ratio
         force = _coupling_force(c, x + c.lead_error * math.sin(angle) - xl, v - vl)
@@ -305,13 +247,13 @@ def _integrate(
         row[6], row[7] = force, iz
         row[8] = (drag + c.viscous * abs(v)) * abs(v)
         row[9] = slipped
-        row[10] = max(c.supply - c.supply_resistance * abs(i), 0.0)
-    state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped)
+        row[10], row[11] = supply, drawn
+    state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped, phase)
 
 
 PARTS = (
-    _stopped, _clipped, _position_loop, _drive, _coupling_force, _ripple_force, _load_control,
-    _stop_force, _load_resistance, _lever,
+    _stopped, _clipped, _position_loop, _link, _drive, _coupling_force, _ripple_force,
+    _load_control, _stop_force, _load_resistance, _lever,
 )  # fmt: skip
 """What ``_integrate`` calls."""
 

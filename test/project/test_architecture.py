@@ -260,6 +260,7 @@ ARROWS = {
         "score": ("campaign",),
         "arena": (),
         "evaluate": ("arena", "calibrate", "campaign", "features", "replay", "score"),
+        "fmea": ("campaign", "evaluate", "recordings", "score"),
     },
     "flea_diag.web": {
         "": (),

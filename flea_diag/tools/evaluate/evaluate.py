@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -120,10 +119,11 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.campaign.result_log import ResultLog, held
     from flea_diag.tools.campaign.run_count import run_count
     from flea_diag.tools.evaluate.case_run import run_case
+    from flea_diag.tools.workers import jobs_of
 
     # Checked now, not when the report is written after hours.
     require("evaluate", "evaluate")
-    jobs = _jobs(arguments.jobs)
+    jobs = jobs_of(arguments.jobs)
     campaign = _on_stand(load_campaign(arguments.campaign), arguments)
     arena = _arena(campaign, arguments)
     labels = tuple(each.label for each in arena.entrants)
@@ -191,14 +191,6 @@ def _on_stand(campaign: Campaign, arguments: argparse.Namespace) -> Campaign:
     if campaign.calibration != HALVES:
         learned(stand)  # refused now, not in every run
     return campaign
-
-
-def _jobs(given: int | None) -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    jobs = given if given is not None else cores or 1
-    if not 1 <= jobs <= 1024:
-        raise ConfigurationError(f"-j {jobs}: must be from 1 to 1024")
-    return jobs
 
 
 def _begin_anew(folder: Path) -> None:

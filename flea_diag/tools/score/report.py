@@ -87,7 +87,7 @@ def page(
         Jinja2 is not installed.
     """
     told = [name for name in TOLD if len({getattr(result, name) for result in results}) > 1]
-    return _rendered(
+    return rendered(
         "report.html",
         title=title,
         made=made,
@@ -103,7 +103,7 @@ def page(
 def drawing(result: RunResult, trace: Mapping[str, Any], before: str = "", after: str = "") -> str:
     """The page of one run, with links to the drawings before and after it."""
     back = "../" * drawing_of(result).count("/")
-    return _rendered(
+    return rendered(
         "drawing.html",
         run=picture(result, trace),
         back=f"{back}report.html",
@@ -138,7 +138,14 @@ def _visible(value: object) -> object:
     return visible(value) if isinstance(value, str) else value
 
 
-def _rendered(name: str, **given: Any) -> str:
+def rendered(name: str, **given: Any) -> str:
+    """A template of this package filled in; text is escaped.
+
+    Raises
+    ------
+    ConfigurationError
+        Jinja2 is not installed.
+    """
     text: str = _template(name).render(**given)
     return text
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flea scenarios``: the 320 scenarios of the paper as YAML files, optionally as bags."""
+"""``flea scenarios``: the scenarios of the paper's tables as YAML files, optionally as bags."""
 
 from __future__ import annotations
 
@@ -30,17 +30,18 @@ if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
 
 NAME = "scenarios"
-SUMMARY = "draw the scenarios of the paper's Table 4 and write them as files, optionally as bags"
+SUMMARY = "write scenarios of the paper's Table 1 or Table 4 as files, optionally as bags"
 EXAMPLES = """\
 examples:
   flea scenarios table4 --seed 7 -o scenarios         write 320 YAML files
   flea scenarios table4 --seed 7 -o runs --bags       and simulate each into a bag
+  flea scenarios table1 -o modes --bags               each of the 25 failure modes
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea scenarios``."""
-    parser.add_argument("set", choices=("table4",), help="set of scenarios")
+    parser.add_argument("set", choices=("table1", "table4"), help="set of scenarios")
     parser.add_argument("--seed", type=int, default=1, help="seed of all draws (1)")
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="folder to write to"
@@ -52,11 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the files; return 0 when all are written."""
+    from flea_sim_driver.failure_modes import table1
     from flea_sim_driver.scenario.table4 import table4
 
     if arguments.seed < 0:
         raise ConfigurationError(f"scenarios: --seed = {arguments.seed} is below its limit 0")
-    scenarios = table4(arguments.seed)
+    scenarios = {"table1": table1, "table4": table4}[arguments.set](arguments.seed)
     write_files(scenarios, arguments.output)
     say(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
     if arguments.bags:

@@ -183,7 +183,7 @@ def _print_catalogue(named: str) -> None:
         )
     if machine.name != DEFAULT_MACHINE:
         return
-    say("failure modes of the paper's Table 1, and their simulation on this stand:")
+    say("failure modes of the paper's Table 1 (flea scenarios table1 writes them):")
     for mode in FAILURE_MODES:
-        shown = f"{' or '.join(mode.faults)}: {mode.how}" if mode.faults else f"not: {mode.reason}"
-        say(f"  {mode.component}, {mode.mode} ({mode.approach}): {shown}")
+        say(f"  {mode.component}, {mode.mode} ({mode.approach}): {mode.shown}")
+        say(f"      {mode.effect}; found by: {mode.found}; {' or '.join(mode.group) or 'no alarm'}")
