@@ -134,7 +134,8 @@ class RelationCheck(Frozen):
         self, formed: ResidualRows, place: int, change: Array
     ) -> tuple[Array, Array, Array]:
         """Valid samples of one residual, of a unit changed so; its sensitivities, and speeds."""
-        values = formed.values[:, place]
+        noise = 1.0 if formed.noise is None else formed.noise[:, place]
+        values = formed.values[:, place] / noise
         use = np.isfinite(values)
         if self._known.rows[place].gate == "moving":
             use &= formed.moving

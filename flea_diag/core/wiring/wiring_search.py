@@ -44,6 +44,8 @@ BESIDE = 20.0
 """By how much more than those of the best the squares of another wiring may be."""
 BETTER = 40.0
 """By how much less the squares must be than those of the readings as they are."""
+SHOWN = 9.2
+"""The same for readings from before the first deviation: odds of a hundred to one."""
 LAGS = 15
 """About how many lags are tried before the best is looked for among its neighbours."""
 
@@ -79,11 +81,12 @@ class WiringSearch(Frozen):
         self._check = RelationCheck(relations, calibration)
         self._enough = calibration.counts.of(ENOUGH_S)
 
-    def search(self, rows: Array, suspected: bool) -> SearchResult:
+    def search(self, rows: Array, suspected: bool, before: int = 0) -> SearchResult:
         """What explains readings, shape (n, channels).
 
         ``suspected``: a test deviates, so wirings are tried as well where the relations hold, but
-        not as they do on a healthy machine.
+        not as they do on a healthy machine. ``before``: so many rows are from well before that;
+        what is wired wrong shows in them, too.
         """
         found = self._check.hold(rows)
         if not found.count or (found.holds and not suspected) or found.is_typical:
@@ -92,7 +95,9 @@ class WiringSearch(Frozen):
         alike = self._check.hold(rows, fitted=False)
         residual, other = (self._known.rows[each.place].name for each in (found, alike))
         suspects = {*channels_of(self._known, residual), *channels_of(self._known, other)}
-        explaining = sorted(self._explaining(rows, found, suspects), key=lambda s: s[0].squares)
+        every = self._explaining(rows, found, suspects)
+        shown = (each for each in every if self._shows(rows[:before], each[1]))
+        explaining = sorted(shown, key=lambda scored: scored[0].squares)
         if not explaining:
             return SearchResult(not found.holds)
         best = explaining[0][0]
@@ -113,6 +118,14 @@ class WiringSearch(Frozen):
         for channel in (name for name in self._known.channels if name in suspects):
             best = self._best(rows, found, lags(channel, self._period_s))
             yield from self._tried(rows, found, best)
+
+    def _shows(self, rows: Array, fault: WiringFault) -> bool:
+        """Whether readings from before any deviation are better explained by it as well."""
+        if not len(rows):
+            return True
+        as_wired = self._check.hold(rows)
+        without = self._without(rows, as_wired, fault)
+        return without is not None and without.squares <= as_wired.squares - SHOWN
 
     def _best(self, rows: Array, found: Holding, every: list[WiringFault]) -> WiringFault:
         """The lag that leaves least."""

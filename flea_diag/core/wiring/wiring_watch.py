@@ -70,6 +70,7 @@ class WiringWatch:
         self._last_ns: int | None = None
         self._now_ns = 0
         self._opened_ns: int | None = None
+        self._before = 0
         self._released = False
         self.is_open, self.due = True, False
         """Whether it still collects; whether the readings are to be looked at now."""
@@ -91,6 +92,9 @@ class WiringWatch:
         """A test deviates: readings are looked at, the first time, if there are any to look at."""
         if self.is_open and self._opened_ns is None:
             self._opened_ns = stamp_ns
+            # A fault may have begun some time before.
+            before = sum(map(len, self._rows)) - self._looks[0]
+            self._before = before if before >= self._looks[0] else 0
             self.due |= self._look > 0 or self._is_full
 
     def take(self, stamps_ns: Stamps, raw: Array, usable: Array, moving: Flags) -> int:
@@ -139,7 +143,8 @@ class WiringWatch:
             self._released = True
             return
         deviates = self._opened_ns is not None
-        result = self._search.search(_readings(np.concatenate(self._rows)), deviates)
+        readings = _readings(np.concatenate(self._rows))
+        result = self._search.search(readings, deviates, self._before)
         if result.finding is not None and not self._is_early:
             self.finding = result.finding
             self.close()
