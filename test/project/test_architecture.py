@@ -204,7 +204,7 @@ ARROWS = {
             "symbolic",
             "run_law",
         ),
-        "wiring": ("calibration", "detection", "residuals", "sensors"),
+        "wiring": ("calibration", "detection", "likelihood", "residuals", "sensors"),
         "isolation": (
             "likelihood",
             "run_law",

@@ -14,13 +14,14 @@
 
 """Which wrong wiring, if any, explains that the relations of a stand do not hold.
 
-One wiring explains them if without it all relations hold, for some healthy unit. Those that explain
-about as well as the best one are named beside it.
+One wiring explains them if without it all relations hold as on a healthy machine, in the first
+readings as in the last. Those that explain about as well as the best one are named beside it, and
+what a fault of the catalogue explains as well is not sure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,24 +29,26 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.wiring.candidates import channels_of, lags, wiring_faults
-from flea_diag.core.wiring.relation_check import Holding, RelationCheck
-from flea_diag.core.wiring.wiring_fault import CLIPPED, FACTOR, WiringFault
+from flea_diag.core.wiring.relation_check import Columns, Holding, RelationCheck
+from flea_diag.core.wiring.wiring_fault import CLIPPED, WiringFault
 
 Array = npt.NDArray[np.float64]
 Scored = tuple[Holding, WiringFault]
 
 LEAST_JUDGED, LEAST_UNCLIPPED = 0.5, 0.05
 """Share of the samples of a relation that must be left to judge it by."""
+LEAST_STRETCHES = 8
+"""Fewest averages of relations that tell one explanation from another by chance no more."""
 ENOUGH_S = 1.0
 """Time of samples that is enough: a reading that is too large moves where the machine rests."""
 BESIDE = 20.0
-"""By how much more than those of the best the squares of another wiring may be."""
+"""By how much more than those of the best the squares of another explanation may be."""
 BETTER = 40.0
 """By how much less the squares must be than those of the readings as they are."""
 SHOWN = 9.2
-"""The same for readings from before the first deviation: odds of a hundred to one."""
+"""The same for the first readings alone: odds of a hundred to one."""
 LAGS = 15
 """About how many lags are tried before the best is looked for among its neighbours."""
 
@@ -55,7 +58,7 @@ class WiringFinding(Frozen):
     """What explains readings that contradict the relations.
 
     ``residual`` is at ``share`` times its limit; without any one of ``faults`` none is beyond
-    ``left`` times its limit. ``is_sure``: they then hold as on a healthy machine.
+    ``left`` times its limit. ``is_sure``: no fault of the catalogue explains them about as well.
     """
 
     faults: tuple[WiringFault, ...]
@@ -65,86 +68,76 @@ class WiringFinding(Frozen):
     is_sure: bool
 
 
-@dataclass(frozen=True)
-class SearchResult(Frozen):
-    """Whether readings contradict the relations, and what explains it; None: nothing does."""
-
-    contradicted: bool = False
-    finding: WiringFinding | None = None
-
-
 class WiringSearch(Frozen):
-    """Searches the wirings of one stand."""
+    """Searches the wirings of one stand; ``columns`` are basis signals of its faults."""
 
-    def __init__(self, relations: RelationSet, calibration: Calibration) -> None:
-        self._known, self._period_s = relations.residuals, calibration.period_s
-        self._check = RelationCheck(relations, calibration)
+    def __init__(self, effects: EffectSet, calibration: Calibration, columns: Columns) -> None:
+        self._known, self._period_s = effects.residuals, calibration.period_s
+        self._check = RelationCheck(effects, calibration, columns)
         self._enough = calibration.counts.of(ENOUGH_S)
 
-    def search(self, rows: Array, suspected: bool, before: int = 0) -> SearchResult:
-        """What explains readings, shape (n, channels).
+    def hold(self, rows: Array) -> Holding:
+        """How the relations hold on readings as they are, shape (n, channels)."""
+        return self._check.hold(rows)
 
-        ``suspected``: a test deviates, so wirings are tried as well where the relations hold, but
-        not as they do on a healthy machine. ``before``: so many rows are from well before that;
-        what is wired wrong shows in them, too.
-        """
+    def search(self, rows: Array, first: int) -> WiringFinding | None:
+        """What explains readings, shape (n, channels), the first so many of them as well."""
         found = self._check.hold(rows)
-        if not found.count or (found.holds and not suspected) or found.is_typical:
-            return SearchResult()
-        # What is fitted to a unit may carry over into another relation.
-        alike = self._check.hold(rows, fitted=False)
-        residual, other = (self._known.rows[each.place].name for each in (found, alike))
-        suspects = {*channels_of(self._known, residual), *channels_of(self._known, other)}
-        every = self._explaining(rows, found, suspects)
-        shown = (each for each in every if self._shows(rows[:before], each[1]))
-        explaining = sorted(shown, key=lambda scored: scored[0].squares)
+        if found.is_typical:
+            return None
+        residuals = (self._known.rows[place].name for place in (found.place, found.raw_place))
+        suspects = {channel for name in residuals for channel in channels_of(self._known, name)}
+        early = self._check.hold(rows[:first])
+        explaining = [
+            (held, fault)
+            for held, fault in self._explaining(rows, found, suspects)
+            if self._squares(rows[:first], early, fault) <= early.squares - SHOWN
+        ]
         if not explaining:
-            return SearchResult(not found.holds)
-        best = explaining[0][0]
-        if found.holds and not best.is_typical:
-            return SearchResult()
-        faults = tuple(w for held, w in explaining if held.squares <= best.squares + BESIDE)
-        finding = WiringFinding(
-            faults, residual, float(found.share[found.place]), best.worst, best.is_typical
-        )
-        return SearchResult(True, finding)
+            return None
+        explaining.sort(key=lambda scored: scored[0].squares)
+        best, least = explaining[0][0], explaining[0][0].squares
+        faults = tuple(fault for held, fault in explaining if held.squares <= least + BESIDE)
+        told = {f"{channel}_dead" for fault in faults for channel in fault.channels}
+        every = self._check.left_by_faults(rows)
+        rival = min((left for name, left in every.items() if name not in told), default=np.inf)
+        if rival < least - BESIDE:
+            return None
+        residual = self._known.rows[found.place].name
+        return WiringFinding(faults, residual, found.worst, best.worst, rival > least + BESIDE)
 
     def _explaining(
         self, rows: Array, found: Holding, suspects: Collection[str]
     ) -> Iterator[Scored]:
         """Wirings of these channels without which all relations hold."""
-        for fault in wiring_faults(self._known, rows, suspects):
-            yield from self._tried(rows, found, fault)
+        every = list(wiring_faults(self._known, rows, suspects))
         for channel in (name for name in self._known.channels if name in suspects):
-            best = self._best(rows, found, lags(channel, self._period_s))
-            yield from self._tried(rows, found, best)
+            every.append(self._best(rows, found, lags(channel, self._period_s)))
+        for fault in every:
+            held = self._without(rows, found, fault)
+            if held is None or not held.is_typical or held.squares > found.squares - BETTER:
+                continue
+            if held.squares <= self._silent(rows, fault) - BETTER:
+                yield held, fault
 
-    def _shows(self, rows: Array, fault: WiringFault) -> bool:
-        """Whether readings from before any deviation are better explained by it as well."""
-        if not len(rows):
-            return True
-        as_wired = self._check.hold(rows)
-        without = self._without(rows, as_wired, fault)
-        return without is not None and without.squares <= as_wired.squares - SHOWN
+    def _silent(self, rows: Array, fault: WiringFault) -> float:
+        """Squares where the channel says nothing: what is dead, or noise, explains no more."""
+        silent = fault.undone(rows, self._known.index)
+        column = self._known.index[fault.channel]
+        silent[:, column] = np.nanmean(silent[:, column])
+        return self._check.hold(silent).squares
 
     def _best(self, rows: Array, found: Holding, every: list[WiringFault]) -> WiringFault:
         """The lag that leaves least."""
+        left: Callable[[WiringFault], float] = lambda w: self._squares(rows, found, w)  # noqa: E731
         step = max(1, len(every) // LAGS)
-        coarse = min(every[step - 1 :: step], key=lambda w: self._squares(rows, found, w))
+        coarse = min(every[step - 1 :: step], key=left)
         near = [w for w in every if abs(w.scans - coarse.scans) < step]
-        return min(near, key=lambda w: self._squares(rows, found, w)) if step > 1 else coarse
+        return min(near, key=left) if step > 1 else coarse
 
     def _squares(self, rows: Array, found: Holding, fault: WiringFault) -> float:
         held = self._without(rows, found, fault)
         return float("inf") if held is None else held.squares
-
-    def _tried(self, rows: Array, found: Holding, fault: WiringFault) -> Iterator[Scored]:
-        """The wiring, if it explains the readings."""
-        held = self._without(rows, found, fault)
-        if held is None or not held.holds or held.squares > found.squares - BETTER:
-            return
-        if fault.kind != FACTOR or held.squares <= self._silent(rows, fault) - BETTER:
-            yield held, fault
 
     def _without(self, rows: Array, found: Holding, fault: WiringFault) -> Holding | None:
         """How the relations hold without it; None where too little is left to tell."""
@@ -153,9 +146,7 @@ class WiringSearch(Frozen):
         needed = np.minimum(least * found.judged, self._enough)
         return held if np.all(held.judged >= needed) else None
 
-    def _silent(self, rows: Array, fault: WiringFault) -> float:
-        """Squares where the channel says nothing: a reading of next to nothing explains no more."""
-        silent = rows.copy()
-        column = self._known.index[fault.channel]
-        silent[:, column] = np.nanmean(rows[:, column]) / fault.factor
-        return self._check.hold(silent).squares
+
+def is_judged(held: Holding) -> bool:
+    """Whether readings are enough to judge relations by."""
+    return held.count >= LEAST_STRETCHES

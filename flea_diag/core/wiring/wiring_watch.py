@@ -14,49 +14,46 @@
 
 """Readings of the first motion of a stream, and what they say of the wiring of its channels.
 
-Readings in motion are kept, and looked at when there are enough: a first time early, for a fault
-that no wiring explains need not wait. Where the relations hold they are kept for the first
-deviation, which looks once more: a lag may show later than in the first seconds.
+A channel that is wired wrong is so from the first scan on, so a fault that begins later is none:
+the readings are looked at after a little motion, and are kept for a second look only if some wiring
+explains them. Nothing is said, and no scan is an event, while the relations hold.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS
-from flea_diag.core.wiring.wiring_search import WiringFinding, WiringSearch
+from flea_diag.core.wiring.wiring_search import WiringFinding, WiringSearch, is_judged
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-LOOKS_S = (2.0, 5.0, 10.0)
-"""Times in motion after which the readings are looked at; more are not kept. Nothing is found
-before the second one, unless none follows for long."""
+LOOKS_S = (2.0, 4.0, 6.0)
+"""Times in motion after which the readings are looked at; more are not kept."""
 TAIL_S = 1.0
 """Time at rest after a motion that is kept as well."""
 MOST_S = 40.0
 """Time of readings beyond which none are kept: of motions that are too short to tell."""
-PATIENCE_S = ((0.5, 8.0), (LOOKS_S[0], 30.0), (LOOKS_S[1], 12.0))
-"""Up to so much motion, how long after the first deviation more is waited for."""
+PATIENCE_S = 10.0
+"""How long after the first deviation more motion is waited for."""
 SPIKES = 0.05
 """Share of the readings of a channel out of range up to which these are left out; more of them are
 of another unit, and are looked at as well."""
 
 
 class WiringWatch:
-    """Collects readings of one stream, and looks at them whenever it is ``due``.
+    """Collects the first readings of one stream, and looks at them whenever it is ``due``.
 
-    ``finding`` is what was found, None while nothing is.
+    ``finding`` is what was found, None while nothing is; ``is_open`` whether it still looks.
     """
 
     def __init__(self, search: WiringSearch, counts: ScanCounts, period_s: float) -> None:
-        self._search, self._counts = search, counts
-        self._period_ns = round(period_s * 1e9)
+        self._search = search
+        self._period_ns, self._bridge = round(period_s * 1e9), counts.kernel
         self._looks = [counts.of(time_s) for time_s in LOOKS_S]
         self._tail, self._most = counts.of(TAIL_S), counts.of(MOST_S)
         self.begin()
@@ -65,109 +62,107 @@ class WiringWatch:
         """Look at what comes from now on."""
         self.finding: WiringFinding | None = None
         self._rows: list[Array] = []
-        self._kept = self._moved = self._look = 0
+        self._kept = self._moved = self._first = self._look = 0
         self._still = self._tail + 1
         self._last_ns: int | None = None
-        self._now_ns = 0
         self._opened_ns: int | None = None
-        self._before = 0
-        self._released = False
         self.is_open, self.due = True, False
-        """Whether it still collects; whether the readings are to be looked at now."""
 
     def close(self) -> None:
-        """Collect no more."""
+        """Look no more."""
         self._rows, self.is_open, self.due = [], False, False
 
     @property
     def waits(self) -> bool:
         """Whether a test deviates, and whether by its wiring is not known yet."""
-        return self.is_open and self._opened_ns is not None and not self._released
-
-    @property
-    def _is_full(self) -> bool:
-        return self._look == len(self._looks) or self._kept >= self._most
+        return self.is_open and self._opened_ns is not None
 
     def deviates(self, stamp_ns: int) -> None:
-        """A test deviates: readings are looked at, the first time, if there are any to look at."""
-        if self.is_open and self._opened_ns is None:
+        """A test deviates."""
+        if self._opened_ns is None:
             self._opened_ns = stamp_ns
-            # A fault may have begun some time before.
-            before = sum(map(len, self._rows)) - self._looks[0]
-            self._before = before if before >= self._looks[0] else 0
-            self.due |= self._look > 0 or self._is_full
 
     def take(self, stamps_ns: Stamps, raw: Array, usable: Array, moving: Flags) -> int:
-        """Take n scans, shape (n, channels) each; the first with which it is due, or n.
+        """Take n scans, shape (n, channels) each: the first with which it is due, or n.
 
-        ``usable`` are the readings without those out of range. ``decide`` is asked at the first
-        scan with which it is due, before any other is taken.
+        ``usable`` are the readings without those out of range. What follows that scan is not taken.
         """
-        count, self._now_ns = len(stamps_ns), int(stamps_ns[-1])
-        rests = self._still > self._tail and not moving.any()
-        if not self.is_open or self._is_full or (rests and not self.waits):
-            return count
-        places = np.arange(count)
-        still = places - np.maximum.accumulate(np.where(moving, places, -self._still))
-        keep = still <= self._tail
-        moved, kept = self._moved + np.cumsum(moving), self._kept + np.cumsum(keep)
-        due = (moved >= self._looks[self._look]) | (kept >= self._most)
-        if self.waits and self._opened_ns is not None:
-            due |= stamps_ns - self._opened_ns >= self._patience_ns(moved)
-        self._keep(stamps_ns[keep], np.stack((raw[keep], usable[keep]), axis=1))
-        self._still = min(int(still[-1]) + 1, self._tail + 1)
-        self._moved, self._kept = int(moved[-1]), int(kept[-1])
-        self.due = bool(due.any())
-        return int(due.argmax()) if self.due else count
+        at, count = 0, len(stamps_ns)
+        while self.is_open and not self.due and at < count:
+            still = self._still_for(moving[at:])
+            keep = still <= self._tail
+            ends = self._moved + np.cumsum(moving[at:]) >= self._looks[self._look]
+            ends |= self._kept + np.cumsum(keep) >= self._most
+            if self._opened_ns is not None:
+                ends |= stamps_ns[at:] - self._opened_ns >= 1e9 * PATIENCE_S
+            taken = int(ends.argmax()) + 1 if ends.any() else len(ends)
+            part = np.flatnonzero(keep[:taken]) + at
+            self._keep(stamps_ns[part], np.stack((raw[part], usable[part]), axis=1))
+            self._still = min(int(still[taken - 1]), self._tail + 1)
+            self._moved += int(moving[at : at + taken].sum())
+            at += taken
+            if ends[taken - 1]:
+                self._glance()
+        return at - 1 if self.due else count
 
-    def _patience_ns(self, moved: npt.NDArray[Any]) -> Array:
-        """How long after the first deviation is waited, after so many scans in motion."""
-        enough, times_s = zip(*PATIENCE_S, strict=True)
-        place = np.searchsorted([self._counts.of(time_s) for time_s in enough], moved, "right")
-        return 1e9 * np.array([*times_s, 0.0])[place]
+    def _still_for(self, moving: Flags) -> npt.NDArray[np.int64]:
+        """For how many scans it has not moved, at each of these scans."""
+        places = np.arange(len(moving))
+        return places - np.maximum.accumulate(np.where(moving, places, -1 - self._still))
 
     def _keep(self, stamps_ns: Stamps, rows: Array) -> None:
-        """Keep readings, parted by one of nothing where others lie between."""
+        """Keep readings; scans that lie between are scans without a reading."""
         if not len(rows):
             return
         before = stamps_ns[:1] if self._last_ns is None else np.array([self._last_ns])
-        apart = np.diff(stamps_ns, prepend=before) > 1.5 * self._period_ns
-        for number, run in enumerate(np.split(rows, np.flatnonzero(apart))):
-            self._rows += [np.full_like(rows[:1], np.nan), run] if number else [run]
-        self._last_ns = int(stamps_ns[-1])
+        lost = np.rint(np.diff(stamps_ns, prepend=before) / self._period_ns).astype(int) - 1
+        places = np.repeat(np.arange(len(rows)), np.clip(lost, 0, self._bridge))
+        self._rows.append(np.insert(rows, places, np.nan, axis=0))
+        self._last_ns, self._kept = int(stamps_ns[-1]), self._kept + len(rows)
+
+    def _glance(self) -> None:
+        """Go on without a word where nothing is waited for and the relations hold, as mostly."""
+        if self.waits:
+            self.due = True
+        elif self._moved < self._looks[0]:
+            self.close()
+        else:
+            held = self._search.hold(self._readings())
+            self.due = is_judged(held) and not held.is_typical
+            if not self.due:
+                self._go_on(is_done=is_judged(held))
 
     def decide(self) -> None:
-        """Look at the readings."""
+        """Look at the readings: once more if some wiring explains the first ones."""
         self.due = False
-        if self._moved < self._looks[0] and not self._is_full:
-            self._released = True
-            return
-        deviates = self._opened_ns is not None
-        readings = _readings(np.concatenate(self._rows))
-        result = self._search.search(readings, deviates, self._before)
-        if result.finding is not None and not self._is_early:
-            self.finding = result.finding
+        if self._moved < self._looks[0]:
             self.close()
             return
-        nothing = result.contradicted or not self._is_early
-        self._released |= result.finding is None and nothing
-        while self._look < len(self._looks) and self._moved >= self._looks[self._look]:
+        rows = self._readings()
+        if not self._first and is_judged(self._search.hold(rows)):
+            self._first = len(rows)
+        found = self._search.search(rows, self._first) if self._first else None
+        if self._is_last:
+            self.finding = found
+        self._go_on(is_done=found is None and self._first > 0)
+        if found is not None:
+            self._look = len(self._looks) - 1
+
+    def _go_on(self, is_done: bool) -> None:
+        if is_done or self._is_last:
+            self.close()
+        else:
             self._look += 1
-        if self._is_full and (deviates or result.contradicted):
-            self.close()
 
     @property
-    def _is_early(self) -> bool:
-        """Whether more motion is waited for before anything is found."""
-        if self._moved >= self._looks[1] or self._is_full or self._released:
-            return False
-        waited_ns = self._now_ns - (self._now_ns if self._opened_ns is None else self._opened_ns)
-        return waited_ns < float(self._patience_ns(np.array([self._moved]))[0])
+    def _is_last(self) -> bool:
+        """Whether no more motion is waited for."""
+        return self._look == len(self._looks) - 1 or self._moved < self._looks[self._look]
 
-
-def _readings(rows: Array) -> Array:
-    """Usable readings of shape (n, 2, channels); all of a channel that is often out of range."""
-    raw, usable = rows[:, 0], rows[:, 1]
-    read, used = np.isfinite(raw).sum(axis=0), np.isfinite(usable).sum(axis=0)
-    made = np.where(used < (1.0 - SPIKES) * read, raw, usable)
-    return np.where(np.abs(made) < BEYOND_BOUNDS, made, np.nan)
+    def _readings(self) -> Array:
+        """Usable readings, shape (n, channels); all of a channel that is often out of range."""
+        rows = np.concatenate(self._rows)
+        raw, usable = rows[:, 0], rows[:, 1]
+        read, used = np.isfinite(raw).sum(axis=0), np.isfinite(usable).sum(axis=0)
+        made = np.where(used < (1.0 - SPIKES) * read, raw, usable)
+        return np.where(np.abs(made) < BEYOND_BOUNDS, made, np.nan)

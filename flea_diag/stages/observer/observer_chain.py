@@ -33,7 +33,7 @@ from flea_diag.core.wiring.wiring_search import WiringSearch
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
-from flea_diag.stages.observer.regressor_table import Answer
+from flea_diag.stages.observer.regressor_table import Answer, RegressorTable
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTestsAlone
 from flea_diag.stages.observer.state_estimate import StateEstimate
@@ -59,7 +59,8 @@ class ObserverChain:
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
         self.episode = self._detection()
         self._unit = UnitChange()
-        self._search = WiringSearch(effects.relations, calibration)
+        columns = RegressorTable(effects, calibration.parameters).rows
+        self._search = WiringSearch(effects, calibration, columns)
         self._renew()
 
     def _detection(self) -> Any:

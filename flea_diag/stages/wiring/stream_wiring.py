@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-LOOKED_AT = "whether a channel is wired wrong is being looked at"
+LOOKED_AT = "whether the wiring of a channel explains it is being looked at"
 WIRED_WRONG = "wired wrong"
 
 
@@ -42,6 +42,7 @@ class StreamWiring:
         self._watch = WiringWatch(search, counts, period_s)
         self._period_s = period_s
         self._since_ns = NEVER_NS
+        self._said: tuple[bool, WiringFinding | None] = (False, None)
 
     def close(self) -> None:
         """Look at no more: this is not the start of a stream."""
@@ -52,7 +53,8 @@ class StreamWiring:
         if self._watch.finding is None:
             return
         self._watch.begin()
-        self._follow_up(stamp_ns, deviates)
+        if deviates:
+            self._watch.deviates(stamp_ns)
 
     def follow(self, stamps_ns: Stamps, raw: Array, usable: Array, moving: Flags) -> int:
         """Take n scans; the first at which ``step`` has something to look at, or n."""
@@ -63,18 +65,14 @@ class StreamWiring:
 
         ``opens``: an episode begins with it.
         """
-        before = self._watch.waits, self._watch.finding
-        self._follow_up(stamp_ns, opens)
+        if opens:
+            self._watch.deviates(stamp_ns)
         if self._watch.due:
             self._watch.decide()
-            if self._watch.finding is not None:
-                self._since_ns = stamp_ns
-        return before != (self._watch.waits, self._watch.finding)
-
-    def _follow_up(self, stamp_ns: int, deviates: bool) -> None:
-        if deviates:
-            self._watch.deviates(stamp_ns)
+        before, self._said = self._said, (self._watch.waits, self._watch.finding)
+        if self._said != before:
             self._since_ns = stamp_ns
+        return self._said != before
 
     def states(self) -> tuple[ChannelQuality, ...]:
         """The row of the wiring, where there is something to say of it."""
