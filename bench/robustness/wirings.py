@@ -44,7 +44,7 @@ from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Scan
 from flea_sim_driver.machine.library import find_machine
 
-SCORED_SEED = 4400
+SCORED_SEED = 24_400
 MACHINES = ("flea", "ema")
 FAULTS = (
     "jam", "ball_nut_friction", "winding_short", "motor_current_bias", "motor_current_scaling",

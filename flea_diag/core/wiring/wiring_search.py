@@ -21,7 +21,7 @@ what a fault of the catalogue explains as well is not sure.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +48,8 @@ BESIDE = 20.0
 BETTER = 40.0
 """By how much less the squares must be than those of the readings as they are."""
 SHOWN = 9.2
-"""The same for the first readings alone: odds of a hundred to one."""
+"""The same for the first readings alone, and beside a channel that says nothing: odds of a hundred
+to one."""
 LAGS = 15
 """About how many lags are tried before the best is looked for among its neighbours."""
 
@@ -80,18 +81,22 @@ class WiringSearch(Frozen):
         """How the relations hold on readings as they are, shape (n, channels)."""
         return self._check.hold(rows)
 
+    def suspects(self, rows: Array) -> bool:
+        """Whether some wiring explains readings, shape (n, channels): worth more motion."""
+        found = self._check.hold(rows)
+        return not found.is_typical and any(True for _ in self._explaining(rows, found, SHOWN))
+
     def search(self, rows: Array, first: int) -> WiringFinding | None:
         """What explains readings, shape (n, channels), the first so many of them as well."""
         found = self._check.hold(rows)
         if found.is_typical:
             return None
-        residuals = (self._known.rows[place].name for place in (found.place, found.raw_place))
-        suspects = {channel for name in residuals for channel in channels_of(self._known, name)}
         early = self._check.hold(rows[:first])
         explaining = [
             (held, fault)
-            for held, fault in self._explaining(rows, found, suspects)
+            for held, fault in self._explaining(rows, found, BETTER)
             if self._squares(rows[:first], early, fault) <= early.squares - SHOWN
+            and held.squares <= self._silent(rows, fault) - SHOWN
         ]
         if not explaining:
             return None
@@ -106,18 +111,16 @@ class WiringSearch(Frozen):
         residual = self._known.rows[found.place].name
         return WiringFinding(faults, residual, found.worst, best.worst, rival > least + BESIDE)
 
-    def _explaining(
-        self, rows: Array, found: Holding, suspects: Collection[str]
-    ) -> Iterator[Scored]:
-        """Wirings of these channels without which all relations hold."""
+    def _explaining(self, rows: Array, found: Holding, better: float) -> Iterator[Scored]:
+        """Wirings without which all relations hold, by so much less in squares."""
+        residuals = (self._known.rows[place].name for place in (found.place, found.raw_place))
+        suspects = {channel for name in residuals for channel in channels_of(self._known, name)}
         every = list(wiring_faults(self._known, rows, suspects))
         for channel in (name for name in self._known.channels if name in suspects):
             every.append(self._best(rows, found, lags(channel, self._period_s)))
         for fault in every:
             held = self._without(rows, found, fault)
-            if held is None or not held.is_typical or held.squares > found.squares - BETTER:
-                continue
-            if held.squares <= self._silent(rows, fault) - BETTER:
+            if held and held.is_typical and held.squares <= found.squares - better:
                 yield held, fault
 
     def _silent(self, rows: Array, fault: WiringFault) -> float:

@@ -141,12 +141,14 @@ class WiringWatch:
         rows = self._readings()
         if not self._first and is_judged(self._search.hold(rows)):
             self._first = len(rows)
-        found = self._search.search(rows, self._first) if self._first else None
         if self._is_last:
-            self.finding = found
-        self._go_on(is_done=found is None and self._first > 0)
-        if found is not None:
-            self._look = len(self._looks) - 1
+            self.finding = self._search.search(rows, self._first) if self._first else None
+            self.close()
+        else:
+            suspected = self._first > 0 and self._search.suspects(rows)
+            self._go_on(is_done=self._first > 0 and not suspected)
+            if suspected:
+                self._look = len(self._looks) - 1
 
     def _go_on(self, is_done: bool) -> None:
         if is_done or self._is_last:

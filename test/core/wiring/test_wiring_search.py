@@ -76,10 +76,9 @@ def test_relations_hold_on_a_healthy_unit_and_not_on_a_jammed_one() -> None:
     check = RelationCheck(EFFECTS, CALIBRATION, COLUMNS)
     healthy, jammed = check.hold(readings(HEALTHY)), check.hold(readings(JAM, 14.0))
     assert healthy.is_typical
-    assert jammed.worst > 1.0
+    assert not jammed.is_typical
     left = check.left_by_faults(readings(JAM, 14.0))
-    assert left["jam"] < 0.1 * jammed.squares
-    assert left["motor_speed_scaling"] > 0.5 * jammed.squares
+    assert left["jam"] < 0.5 * jammed.squares < left["motor_speed_scaling"]
 
 
 def test_nothing_read_is_nothing_judged() -> None:
@@ -96,7 +95,6 @@ def test_nothing_is_found_of_a_healthy_unit() -> None:
 @pytest.mark.parametrize(
     ("rows", "fault"),
     [
-        (changed("load_force", -1.0), WiringFault(TURNED, "load_force")),
         (changed("motor_current", -1.0), WiringFault(TURNED, "motor_current")),
         (changed("motor_voltage", 1e3), WiringFault(FACTOR, "motor_voltage", factor=1e3)),
         (
@@ -125,11 +123,22 @@ def test_swapped_channels_are_found() -> None:
     assert [w.kind for w in finding.faults] == [SWAPPED]
 
 
-def test_what_a_fault_explains_as_well_is_not_sure() -> None:
-    """A voltage at the motor that is next to nothing beside its command is an open supply, too."""
-    finding = found_in(changed("commanded_voltage", 1000.0))
+@pytest.mark.parametrize(
+    ("rows", "fault"),
+    [
+        # A voltage that is next to nothing beside its command is an open supply, too.
+        (
+            changed("commanded_voltage", 1000.0),
+            WiringFault(FACTOR, "commanded_voltage", factor=1000.0),
+        ),
+        # A load that only ever stands against the motion is a drag where it is turned.
+        (changed("load_force", -1.0), WiringFault(TURNED, "load_force")),
+    ],
+)
+def test_what_a_fault_explains_as_well_is_not_sure(rows: np.ndarray, fault: WiringFault) -> None:
+    finding = found_in(rows)
     assert finding is not None
-    assert finding.faults == (WiringFault(FACTOR, "commanded_voltage", factor=1000.0),)
+    assert finding.faults == (fault,)
     assert not finding.is_sure
 
 
