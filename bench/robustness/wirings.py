@@ -57,6 +57,7 @@ NAMING = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 
 def wirings(period_s: float) -> dict[str, Wiring]:
     """Its words, and what it does to the scans."""
+
     def by(lag_s: float) -> int:
         return round(lag_s / period_s)
 

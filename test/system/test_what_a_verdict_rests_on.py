@@ -172,7 +172,6 @@ def last_of(what: str) -> Outcome:
     return Outcome.INDISTINGUISHABLE if what in PAIRS else Outcome.DATA_UNUSABLE
 
 
-
 ROWS: dict[str, Row] = {
     "one load in 33 is missing": Row(
         HEALTHY, BLIND, Outcome.NOMINAL, change=partial(missing, "load_force", 33)

@@ -146,7 +146,8 @@ class RelationCheck(Frozen):
             design[:, sizes:] = -each.unit
             if model is not None:
                 name = self._names[each.residual]
-                effects = [effect_of(model, name, unit, self._basis) for unit in np.eye(sizes)]
+                ones = np.eye(sizes).tolist()
+                effects = [effect_of(model, name, unit, self._basis) for unit in ones]
                 design[:, :sizes] = each.columns @ np.array(effects).T
             A, b = A + design.T @ design, b + design.T @ each.z
             square += float(each.z @ each.z)
