@@ -79,7 +79,11 @@ class OutcomeRules:
             return Outcome.MODEL_MISMATCH, f"{stand.off_rate.partition(';')[0]}: {OTHER_RATE}"
         if stand.wired_wrong:
             return Outcome.DATA_UNUSABLE, stand.wired_wrong
-        if episode is None and stand.wiring is not None and stand.wiring.quality is not Quality.GOOD:
+        if (
+            episode is None
+            and stand.wiring is not None
+            and stand.wiring.quality is not Quality.GOOD
+        ):
             return Outcome.DATA_UNUSABLE, stand.wiring.reason
         if episode is None:
             # At most the last scan: the record being answered may come after a jump of the clock.
