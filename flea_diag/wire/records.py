@@ -44,6 +44,7 @@ from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
 from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
 from flea_diag.wire.vocabulary import VIBRATION as VIBRATION
+from flea_diag.wire.vocabulary import WIRING as WIRING
 from flea_diag.wire.vocabulary import Cause as Cause
 from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome

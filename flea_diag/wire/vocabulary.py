@@ -41,6 +41,10 @@ MODE = "mode"
 OTHER_UNIT = "unit"
 """Row of ``data_quality`` of a unit that is none of the calibration's, with what differs: saturated
 beyond what healthy units differ by, else good."""
+WIRING = "wiring"
+"""Row of ``data_quality`` where the relations contradict how a channel is wired, with what is
+wrong: bad where nothing else explains the readings as well, saturated where a fault of the machine
+may; good while it is looked at."""
 VIBRATION = "vibration"
 """Row of ``data_quality`` where no nominal range can judge an accelerometer."""
 STARVING = "starved: more than half of the scans lost or too late"

@@ -204,6 +204,7 @@ ARROWS = {
             "symbolic",
             "run_law",
         ),
+        "wiring": ("calibration", "detection", "likelihood", "residuals", "sensors"),
         "isolation": (
             "likelihood",
             "run_law",
@@ -221,7 +222,8 @@ ARROWS = {
         "": (),
         "judgement": (),
         "stream": (),
-        "observer": ("judgement", "stream"),
+        "wiring": (),
+        "observer": ("judgement", "stream", "wiring"),
         "extractor": (),
         "isolator": ("judgement",),
         "baselines": ("extractor",),

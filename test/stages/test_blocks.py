@@ -60,6 +60,7 @@ RUNS = {
     "healthy": ({}, 99.0),
     "jam": ({"coulomb": 200.0, "viscous": 1500.0}, 8.0),
     "rest": ({}, 99.0),
+    "turned": ({}, 99.0),
 }
 
 
@@ -68,7 +69,20 @@ def recording(name: str) -> tuple[Scan, ...]:
     changes, onset_s = RUNS[name]
     motion = {"reference": lambda t: 0.0} if name == "rest" else {}
     columns = ema.run(seconds=12.0, faulty=ema.changed(**changes), onset_s=onset_s, **motion)
-    return tuple(stands.scans(ema.noisy(columns, 60)))
+    scans = stands.scans(ema.noisy(columns, 60))
+    if name == "turned":
+        scans = turned(scans, "load_force")
+    return tuple(scans)
+
+
+def turned(scans: list[Scan], channel: str) -> list[Scan]:
+    """One channel with its sign turned."""
+    column, out = CHANNELS.index(channel), []
+    for scan in scans:
+        values = list(scan.values)
+        values[column] *= -1.0
+        out.append(replace(scan, values=tuple(values)))
+    return out
 
 
 def pipeline(kind: str = "none") -> Pipeline:
@@ -164,6 +178,8 @@ FAULTS = st.tuples(
 
 @example("jam", [("sparse", 50, 1100, 0.0)], [400, 7, 61])
 @example("healthy", [("back", 403, 1, float("nan"))], [203])  # back into the warm-up just over
+@example("turned", [], [203])
+@example("turned", [("gap", 900, 100, float("nan"))], [1, 977])
 @settings(max_examples=6, deadline=None)
 @given(
     st.sampled_from(sorted(RUNS)),

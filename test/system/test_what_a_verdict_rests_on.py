@@ -29,6 +29,7 @@ from support.graph.network import Network
 from support.graph.runs import Run, run_of
 from support.graph.scheduler import Scheduler
 from support.graph.world import World
+from support.graph.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -50,6 +51,9 @@ LENGTH_S = 16.0
 QUIET = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL}
 FOUND = {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE}
 BLIND = {Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE}
+
+UNKNOWN = {Outcome.DETECTED, Outcome.MODEL_MISMATCH, *BLIND}
+"""What names no component for sure."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,19 @@ def in_another_unit(channel: str, factor: float, run: Run) -> Run:
     return replace(run, scans=tuple(scans))
 
 
+def rewired(change: Wiring, run: Run) -> Run:
+    """A channel is wired wrong."""
+    return replace(run, scans=change(run.scans))
+
+
+def with_it_from_the_start(_run: Run) -> Run:
+    """Of a longer run with a jam, only what comes a second after its onset."""
+    run = run_of(JAM, 2.0 * LENGTH_S)
+    start_ns = run.onset_ns + 1_000_000_000
+    late_scans = (scan for scan in run.scans if scan.stamp_ns >= start_ns)
+    return replace(run, scans=tuple(replace(s, stamp_ns=s.stamp_ns - start_ns) for s in late_scans))
+
+
 def ends(at_s: float, run: Run) -> Run:
     """The source dies."""
     return replace(run, scans=tuple(s for s in run.scans if s.stamp_ns < 1e9 * at_s))
@@ -113,6 +130,46 @@ def at_rate(rate_hz: float, run: Run) -> Run:
     from support.graph.spoilt_source import sampled
 
     return replace(run, scans=tuple(sampled(list(run.scans), rate_hz)))
+
+
+WIRINGS: dict[str, tuple[str, Wiring]] = {
+    "a load cell with its sign turned": (
+        "load_force: its sign is turned", partial(scaled, "load_force", -1.0)
+    ),
+    "a load cell 200 ms late": (
+        "load_force: it comes 200 ms late", partial(late, "load_force", 20)
+    ),
+    "a load cell with 25.4 times its scale": (
+        "load_force: it reads 25.4", partial(scaled, "load_force", 25.4)
+    ),
+    "newtons as millinewtons": (
+        "load_force: it reads 1000 times", partial(scaled, "load_force", 1000.0)
+    ),
+    "a command with its sign turned": (
+        "commanded_voltage: its sign is turned", partial(scaled, "commanded_voltage", -1.0)
+    ),
+    "a command cut off": (
+        "commanded_voltage: it is cut off", partial(cut_off, "commanded_voltage", 0.6)
+    ),
+    "a position 50 ms late": (
+        "actuator_position: it comes 50 ms late", partial(late, "actuator_position", 5)
+    ),
+    "revolutions a minute as rad/s": (
+        "motor_speed: it reads 9.55", partial(scaled, "motor_speed", 30.0 / math.pi)
+    ),
+    "positions swapped": (
+        "actuator_position and load_position are swapped",
+        partial(swapped, "actuator_position", "load_position"),
+    ),
+}  # fmt: skip
+"""What is wired wrong on a healthy stand: its words, and what it does to a run."""
+PAIRS = {"a load cell with its sign turned": {"jam"}}
+"""Faults that explain the same readings: a load that always stands against the motion is a drag."""
+
+
+def last_of(what: str) -> Outcome:
+    """How it ends."""
+    return Outcome.INDISTINGUISHABLE if what in PAIRS else Outcome.DATA_UNUSABLE
 
 
 ROWS: dict[str, Row] = {
@@ -164,6 +221,15 @@ ROWS: dict[str, Row] = {
         HEALTHY, QUIET, Outcome.NOMINAL, beside=(HEALTHY + 1, 7_000_000), change=partial(ends, 6.0)
     ),
     "a bag of 2010 beside the stand": Row(HEALTHY, QUIET, Outcome.NOMINAL, troubles=("old_bag",)),
+    **{
+        what: Row(HEALTHY, {*UNKNOWN, last_of(what)}, last_of(what), words,
+                  change=partial(rewired, change))
+        for what, (words, change) in WIRINGS.items()
+    },
+    "a jam from the first scan on": Row(
+        JAM, {Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, *QUIET},
+        Outcome.INDISTINGUISHABLE, "jam", change=with_it_from_the_start,
+    ),
     "through its life cycle again": Row(
         HEALTHY, QUIET, Outcome.NOMINAL, troubles=("configured_again",)
     ),
@@ -208,3 +274,16 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
              if isinstance(r, AmbiguityGroup)]  # fmt: skip
     assert {v.outcome for v in again} <= row.allowed
     assert again[-1].outcome is row.last, again[-1].words
+
+
+@pytest.mark.parametrize("name", WIRINGS)
+def test_the_evidence_names_the_wiring_too(name: str) -> None:
+    words, change = WIRINGS[name]
+    run = rewired(change, run_of(HEALTHY, LENGTH_S))
+    pipeline = make_pipeline(load_stand(), configuration="evidence")
+    said = [r for r in replay.diagnosed(in_blocks([run.table, *run.scans]), pipeline)
+            if isinstance(r, AmbiguityGroup)]  # fmt: skip
+    assert {v.outcome for v in said[:-1]} <= UNKNOWN
+    assert said[-1].outcome is last_of(name)
+    assert words in said[-1].words
+    assert {member.fault for member in said[-1].members} == PAIRS.get(name, set())

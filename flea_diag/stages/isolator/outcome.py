@@ -31,7 +31,7 @@ from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus, diverged, rested
-from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, ChannelQuality, Outcome
+from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, ChannelQuality, Outcome, Quality
 
 Decision = tuple[Outcome, str]
 """An outcome and its words."""
@@ -77,6 +77,14 @@ class OutcomeRules:
             return Outcome.MODEL_MISMATCH, stand.mismatch
         if stand.off_rate:
             return Outcome.MODEL_MISMATCH, f"{stand.off_rate.partition(';')[0]}: {OTHER_RATE}"
+        if stand.wired_wrong:
+            return Outcome.DATA_UNUSABLE, stand.wired_wrong
+        if (
+            episode is None
+            and stand.wiring is not None
+            and stand.wiring.quality is not Quality.GOOD
+        ):
+            return Outcome.DATA_UNUSABLE, stand.wiring.reason
         if episode is None:
             # At most the last scan: the record being answered may come after a jump of the clock.
             if diverged(min(stamp_ns, stand.last_ns), stand.lost_ns):
@@ -85,6 +93,8 @@ class OutcomeRules:
                 return Outcome.MODEL_MISMATCH, f"{stand.beyond}: {REMEDY}"
             return self._quiet(stamp_ns, stand)
         outcome, words = self._of_episode(stamp_ns, stand, episode)
+        if stand.wiring is not None and not episode.is_vibration_only:
+            return self._beside_wiring(stand.wiring, outcome, words)
         early = stand.is_early(episode.shared.detected_ns)
         if outcome is Outcome.UNEXPLAINED and early:
             return (
@@ -101,6 +111,16 @@ class OutcomeRules:
                     f"{REMEDY}",
                 )
         return outcome, words
+
+    def _beside_wiring(self, wiring: ChannelQuality, outcome: Outcome, words: str) -> Decision:
+        """Outcome of an episode that the wiring of a channel may explain."""
+        if wiring.quality is Quality.GOOD:
+            return Outcome.DETECTED, f"{words}; {wiring.reason}"
+        if outcome is Outcome.DETECTED:
+            return outcome, f"{words}; or {wiring.reason}"
+        if outcome is Outcome.UNEXPLAINED:
+            return Outcome.DATA_UNUSABLE, wiring.reason
+        return Outcome.INDISTINGUISHABLE, f"{words}; or {wiring.reason}"
 
     def _is_of_unit(self, alive: list[Hypothesis]) -> bool:
         """Whether what another unit shows from the start is that it is another one.

@@ -63,8 +63,9 @@ class IsolatorOutput:
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
         conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
+        wiring = stand.wiring and (stand.wiring.quality, stand.wiring.reason)
         unit = self._verdict.unit(stand) if episode is None else None
-        state = (outcome, number, names, stand.bad, *conditions, unjudged, unit)
+        state = (outcome, number, names, stand.bad, *conditions, unjudged, unit, wiring)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:
@@ -90,7 +91,7 @@ class IsolatorOutput:
     def ask(self, stamp_ns: int) -> Records:
         """A request, where the stand has vibration and a feature can split the group."""
         episode = self._episodes.current
-        if episode is None or not self._stand.axes:
+        if episode is None or not self._stand.axes or self._stand.wired_wrong:
             return ()
         return self._requests.ask(stamp_ns, episode, self._motion.window)
 

@@ -39,6 +39,7 @@ from flea_diag.wire.records import (
     OTHER_UNIT,
     OUTSIDE_CALIBRATION,
     STREAM,
+    WIRING,
     ChannelQuality,
     ChannelTable,
     DataQuality,
@@ -88,6 +89,8 @@ class StandStatus:
     """State of tests and channels from when the words of ``unjudged`` are."""
     other_unit: ChannelQuality | None = None
     """The row of data quality of a unit that is none of the calibration's."""
+    wiring: ChannelQuality | None = None
+    """The row of data quality of a channel that is wired wrong, or may be."""
     decision: Remark | None = None
     """What an operator has last decided on a unit."""
     table_ns: int = NEVER_NS
@@ -143,6 +146,12 @@ class StandStatus:
         return row.reason
 
     @property
+    def wired_wrong(self) -> str:
+        """Which channel is wired wrong; empty while that is not sure."""
+        row = self.wiring
+        return row.reason if row is not None and row.quality is Quality.BAD else ""
+
+    @property
     def seen_moving(self) -> bool:
         """Whether it has been in motion for long enough to observe motor and screw."""
         return self.moved >= self.counts.of(SEEN_MOVING_S)
@@ -163,6 +172,7 @@ class StandStatus:
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
         self.mode = next((r for r in quality.channels if r.channel == MODE and r.reason), None)
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
+        self.wiring = next((r for r in quality.channels if r.channel == WIRING), None)
         self._take_ledger(quality)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(

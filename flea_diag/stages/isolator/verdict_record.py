@@ -123,7 +123,7 @@ class VerdictRecord:
         self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None
     ) -> AmbiguityGroup:
         outcome, words = self.outcome(stamp_ns, stand, episode)
-        if episode is None:
+        if episode is None or stand.wired_wrong:
             return self._without_episode(stamp_ns, outcome, words + _remarks(stand, None), stand)
         shared, isolation = episode.shared, episode.isolation
         return AmbiguityGroup(

@@ -108,6 +108,7 @@ class ObserverStage:
         if not past.episode:
             return True, ()
         chain.stream.turn(opened=True)
+        chain.wiring.close()
         return True, (chain.episode.take_over(past.opened_ns, past.episode),)
 
     def handle_block(self, block: ScanBlock) -> tuple[int, tuple[ResidualBlock, ...]]:
@@ -137,6 +138,7 @@ class ObserverStage:
             if self._swapped:
                 return self._go_over(block, scan.stamp_ns)
             chain.stream.interrupt()
+            chain.wiring.again(scan.stamp_ns, chain.episode.is_open)
         reading = chain.channels.read(block)
         if chain.other_unit(reading) == 0:
             return self._go_over(block, scan.stamp_ns)
@@ -146,7 +148,9 @@ class ObserverStage:
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns
-        told = learned or chain.told
+        chain.watch_wiring(block, reading, output)
+        wired = chain.wiring.step(scan.stamp_ns, opens=chain.episode.is_open and not was_open)
+        told = learned or wired or chain.told
         is_due = changed == 0 or told or chain.order.is_due(scan.stamp_ns)
         quality = (self._quality(scan.stamp_ns),) if is_due else ()
         return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
@@ -157,6 +161,7 @@ class ObserverStage:
         self._swapped = False
         closed = chain.episode.close(stamp_ns, ANOTHER_UNIT)
         chain.begin(stamp_ns, self._table)
+        chain.wiring.close()
         _, output = chain.examine(block, chain.channels.read(block))
         residuals = self._records.block(block, output).records()
         return (self._quality(stamp_ns), *residuals, closed)
@@ -175,7 +180,7 @@ class ObserverStage:
         chain = self._chain
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
-        channels = chain.channels.states(chain.stream.stuck)
+        channels = chain.wiring.marked(chain.channels.states(chain.stream.stuck))
         rows = (stream, *channels, *self._deaf, *chain.states())
         return DataQuality(stamp_ns, rows, chain.stream.offsets, chain.stream.ledger.report())
 
@@ -201,6 +206,7 @@ class ObserverStage:
         if not chain.episode.is_open or chain.order.last_ns is None:
             return ()
         chain.stream.turn(opened=False)
+        chain.wiring.again(chain.order.last_ns, deviates=False)
         return (chain.episode.close(chain.order.last_ns, "reset"),)
 
 

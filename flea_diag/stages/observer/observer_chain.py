@@ -29,14 +29,16 @@ import numpy as np
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.sensors.unit_change import UnitChange
+from flea_diag.core.wiring.wiring_search import WiringSearch
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
-from flea_diag.stages.observer.regressor_table import Answer
+from flea_diag.stages.observer.regressor_table import Answer, RegressorTable
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.residual_tests import ResidualTests, SensorTestsAlone
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.stream.stream_order import StreamOrder
+from flea_diag.stages.wiring.stream_wiring import StreamWiring
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelQuality, ChannelTable, Record
 
@@ -57,6 +59,8 @@ class ObserverChain:
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
         self.episode = self._detection()
         self._unit = UnitChange()
+        columns = RegressorTable(effects, calibration.parameters).rows
+        self._search = WiringSearch(effects, calibration, columns)
         self._renew()
 
     def _detection(self) -> Any:
@@ -85,6 +89,7 @@ class ObserverChain:
             c, self._effects, estimate, p.warm_up_s, p.observer_backend, self._answers,
             self._tests(estimate.runs),
         )  # fmt: skip
+        self.wiring = StreamWiring(self._search, c.counts, c.period_s)
         self.episode.forget()
         self._unit.forget()
 
@@ -109,8 +114,8 @@ class ObserverChain:
         reading = self.channels.read(block)
         changed, output = self.examine(block, reading)
         happens = self.happens(block, output)
-        other = self.other_unit(reading)
-        first = min(changed, output.voltage.lost_at, output.turn, happens, other)
+        other, wiring = self.other_unit(reading), self.watch_wiring(block, reading, output)
+        first = min(changed, output.voltage.lost_at, output.turn, happens, other, wiring)
         return first, output
 
     def happens(self, block: ScanBlock, output: StreamOutput) -> int:
@@ -133,7 +138,14 @@ class ObserverChain:
 
     def states(self) -> tuple[ChannelQuality, ...]:
         """Rows of DataQuality beside those of channels."""
-        return self.stream.states()
+        return (*self.stream.states(), *self.wiring.states())
+
+    def watch_wiring(self, block: ScanBlock, reading: ChannelReadings, output: StreamOutput) -> int:
+        """The first scan at which the wiring is to be looked at, or n."""
+        moving = output.residuals.moving
+        if output.results.void or self.order.rate.off_hz:
+            moving = np.zeros_like(moving)
+        return self.wiring.follow(block.stamps_ns, reading.raw, reading.usable, moving)
 
     def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan at which another unit is in use, or n."""
