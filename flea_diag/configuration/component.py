@@ -275,6 +275,11 @@ DIAGNOSER: Component[Any] = Component(
 )
 
 
+def make_observer(stand: Stand) -> Pipeline:
+    """The observer alone, for a replay that takes residuals and no verdict."""
+    return Pipeline((_observer(stand, OBSERVER.parameters(source="replay")),))
+
+
 def make_pipeline(stand: Stand, source: str = "replay", **given: Any) -> Pipeline:
     """The three stages as a pipeline, for a replay without ROS; ``given`` are their parameters."""
     values = DIAGNOSER.parameters(source=source, **given)
