@@ -35,8 +35,8 @@ from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolati
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
-SETTLES_S = 8.0
-"""Start of a recording that is left out: smoothing begins and the zeros of the unit are learned."""
+SETTLES_S = 1.0
+"""Start of a recording that is left out, in which motion and smoothing begin."""
 PIECE_S = 4.0
 """Pieces by whose scatter the noise is known: longer than it is coloured, and some in 30 s."""
 LEAST_PIECES = 3
