@@ -18,12 +18,13 @@ python bench/robustness/remaining_life.py measure sizes.json          8 units of
 python bench/robustness/remaining_life.py score sizes.json --json FILE
 
 ``measure`` simulates units of their own, as new and then with a fault that grows from recording to
-recording, each recording of another motion and load, and keeps the sizes that ``flea trend --fault``
-finds. ``score`` foretells the end of each after every recording. It does so besides for 100 units
-whose sizes are drawn with errors like those: 40 recordings from the first with a fault to its end,
-each law in turn. The fault grows from 5 to 25 % of the limit; the first forecast is that after the
-first recording in which growth is shown. Where progpy is installed it foretells the drawn units as
-well, with a particle filter that is told by which law they grow.
+recording. A unit has one motion, that of its test; each recording has a load, a room and noise of
+its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of
+each after every recording. It does so besides for 100 units whose sizes are drawn with errors like
+those: 40 recordings from the first with a fault to its end, each law in turn. The fault grows from
+5 to 25 % of the limit; the first forecast is that after the first recording in which growth is
+shown. Where progpy is installed it foretells the drawn units as well, with a particle filter that
+is told by which law they grow.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from robustness.healthy import scenario
+from robustness.healthy import drawn_motion, scenario
 from summary import Figure, bench_parser, share, write_summary
 
 from flea_diag.configuration.calibrations import learned
@@ -69,28 +70,34 @@ SHARES = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True)
 class Wear:
-    """A fault of a machine, the size that is followed, and one of the simulator's in its unit.
+    """A fault of a machine, the size that is followed, and its limit in the simulator's unit.
 
-    ``limit`` is in the unit of the simulator.
+    One of the simulator's sizes is as much as the value ``of`` the unit, by its name; empty: 1.
     """
 
     machine: str
     fault: str
     size: str
-    each: float
+    of: str
     limit: float
     laws: tuple[GrowthLaw, ...]
 
 
 LINEAR, EXPONENTIAL, _ = LAWS
 WEARS = (
-    Wear("flea", "winding_short", "resistance lost", 2.95, 0.4, (LINEAR, EXPONENTIAL)),
-    Wear("ema", "magnet_loss", "strength lost", 1.0, 0.2, (LINEAR, EXPONENTIAL)),
-    Wear("ema", "ball_nut_friction", "viscous drag", 0.0, 4.0, (LINEAR, EXPONENTIAL)),
-    Wear("gimbal", "bearing_friction", "viscous drag", 0.0, 4.0, (LINEAR, EXPONENTIAL)),
+    Wear(
+        "flea",
+        "winding_short",
+        "resistance lost",
+        "winding_resistance_ohm",
+        0.4,
+        (LINEAR, EXPONENTIAL),
+    ),
+    Wear("ema", "magnet_loss", "strength lost", "", 0.2, (LINEAR, EXPONENTIAL)),
+    Wear("ema", "ball_nut_friction", "viscous drag", "viscous_friction_n_s_m", 4.0, (LINEAR, EXPONENTIAL)),
+    Wear("gimbal", "bearing_friction", "viscous drag", "viscous_friction_n_s_m", 4.0, (LINEAR, EXPONENTIAL)),
 )
-"""The rheostat of the paper, demagnetisation, drying grease and a worn bearing. A drag is in times
-the viscous friction of the machine (``each`` 0)."""
+"""The rheostat of the paper, demagnetisation, drying grease and a worn bearing."""
 
 
 @dataclass(frozen=True)
@@ -109,18 +116,24 @@ def measured(wear: Wear, number: int, seed: int) -> dict[str, Any]:
     """One unit through simulator and observer."""
     draw = np.random.default_rng((seed, WEARS.index(wear), number))
     machine, stand = find_machine(wear.machine), load_stand(wear.machine)
-    each = wear.each or machine.unit.viscous_friction_n_s_m
     law = wear.laws[number % len(wear.laws)]
     end = float(draw.uniform(0.8, 1.0)) * LIVED
-    low, high = law.straight(wear.limit * draw.uniform(*BEGINS)), law.straight(wear.limit)
+    limit = wear.limit * getattr(machine.unit, wear.of, 1.0)
+    low, high = law.straight(limit * draw.uniform(*BEGINS)), law.straight(limit)
     times = np.arange(-NEW, int(end) + 1)
     sized = RecordingSizes(knowledge(stand, learned(stand)), wear.fault)
-    unit, rows = int(draw.integers(2**31)), []
+    rows: list[dict[str, Any]] = []
+    same = {
+        "duration_s": RECORDED_S,
+        "unit_seed": int(draw.integers(2**31)),
+        "motion": drawn_motion(draw, machine),
+    }
+    healthy = SimulatedStand(scenario(draw, "as calibrated", machine, wear.machine, same))
+    each = float(getattr(healthy.units[healthy.unit_in_use], wear.of, 1.0))
     for time in times.tolist():
         size = float(law.size(low + time / end * (high - low))) if time >= 0 else 0.0
-        fault = {"fault": wear.fault, "onset_s": 0.0, "size": size}
-        given: dict[str, Any] = {"duration_s": RECORDED_S, "unit_seed": unit}
-        given["faults"] = [fault] if size else []
+        fault = {"fault": wear.fault, "onset_s": 0.0, "size": size / each}
+        given = {**same, "faults": [fault] if size else []}
         made = scenario(draw, "as calibrated", machine, wear.machine, given)
         sized.begin()
         records = (r for r in SimulatedStand(made) if not isinstance(r, Truth))
@@ -129,12 +142,12 @@ def measured(wear: Wear, number: int, seed: int) -> dict[str, Any]:
                 sized.add(record)
         found = [row for row in sized.sizes() if row.of.name == wear.size]
         rows += [
-            {"time": time, "truth": size * each, "size": row.size, "own": row.error.own,
+            {"time": time, "truth": size, "size": row.size, "own": row.error.own,
              "from_unit": row.error.from_unit}
             for row in found
         ]  # fmt: skip
     kind = f"{wear.machine}: {wear.fault}"
-    return {"kind": kind, "law": law.name, "limit": wear.limit * each, "end": end, "rows": rows}
+    return {"kind": kind, "law": law.name, "limit": limit, "end": end, "rows": rows}
 
 
 def life_of(unit: dict[str, Any]) -> Life:
@@ -184,14 +197,16 @@ def by_progpy(life: Life, seed: int, until: int) -> Foretold:
     from progpy.state_estimators import ParticleFilter
     from progpy.uncertain_data import MultivariateNormalDist
 
-    np.random.seed(seed)  # progpy draws from the generator of the process
+    np.random.seed(seed)  # noqa: NPY002 (progpy draws from the generator of the process)
     law = next(law for law in LAWS if law.name == life.law)
     worn = against_new(life.worn, life.new).part(slice(until))
     limit, own = life.limit, float(np.median(worn.own))
 
     class Growth(PrognosticsModel):  # type: ignore[misc]
         states, outputs, events = ["size", "rate"], ["size"], ["limit"]
-        default_parameters = {"x0": {"size": 0.0, "rate": 0.0}, "process_noise": 0.0}
+        default_parameters = {  # noqa: RUF012 (as progpy asks for it)
+            "x0": {"size": 0.0, "rate": 0.0}, "process_noise": 0.0,
+        }  # fmt: skip
 
         def dx(self, x: Any, _u: Any) -> Any:
             grown = x["rate"] * np.maximum(x["size"], 1e-6 * limit) ** law.power

@@ -44,7 +44,7 @@ LEAST_RECORDINGS = 3
 """With fewer nothing tells one law from another, nor growth from scatter."""
 CELLS, ROUNDS = 48, 3
 """Cells of the grid along ``a`` and along ``d``, and how often it is laid closer about the peak."""
-SCALES = np.geomspace(0.3, 4.0, 9)
+SCALES = np.geomspace(0.3, 12.0, 12)
 WITHIN_NATS = 12.0
 """Cells less likely by more than this count for nothing."""
 REACH = 8.0

@@ -20,7 +20,8 @@ Growth that feeds on the size, ``da/dt = c a^p``, is a straight line in
 
 (Box and Cox 1964), so a law is known from its sizes at two times. p = 0 is steady wear, p = 1
 growth in proportion to the size, and p = m / 2 the law of Paris and Erdogan (1963) for a crack of
-length a, ``da/dN = C (dK)^m`` with ``dK`` in proportion to the root of a; m = 3 is usual for steels.
+length a, ``da/dN = C (dK)^m`` with ``dK`` in proportion to the root of a; m = 3 is usual for
+steels.
 """
 
 from __future__ import annotations

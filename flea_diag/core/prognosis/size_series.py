@@ -26,6 +26,7 @@ recordings scatter more or less than stated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -87,13 +88,33 @@ class SizeSeries:
         return np.asarray(np.diag(np.square(scale * self.own)) + self.from_unit @ self.from_unit.T)
 
 
+def fitted(series: SizeSeries, design: Array, scale: float = 1.0) -> tuple[Array, Array]:
+    """Coefficients of the columns of a design, shape (n, m), and their covariance."""
+    whitener = np.linalg.inv(np.linalg.cholesky(series.covariance(scale)))
+    rows = whitener @ design
+    covariance = np.linalg.inv(rows.T @ rows)
+    return covariance @ rows.T @ whitener @ series.sizes, covariance
+
+
+def scatter(series: SizeSeries, design: Array) -> float:
+    """``s`` by what a design leaves, beside the stated errors as ``STATED_FREEDOM``."""
+    found, _ = fitted(series, design)
+    left = series.sizes - design @ found
+    square = float(left @ np.linalg.solve(series.covariance(), left))
+    freedom = len(series) - design.shape[1]
+    return math.sqrt((STATED_FREEDOM + square) / (STATED_FREEDOM + freedom))
+
+
 def against_new(series: SizeSeries, new: SizeSeries) -> SizeSeries:
     """The same sizes, once recordings of the ``new`` unit, without the fault, have been seen.
 
     There the size is 0: what was estimated is the error, and tells what the unit differs by. With
     ``C`` that of the new recordings, the differences ``z`` of the unit have the mean
-    ``L' C^-1 y`` and the covariance ``1 - L' C^-1 L``, which takes the place of 1.
+    ``L' C^-1 y`` and the covariance ``1 - L' C^-1 L``, which takes the place of 1. By how much new
+    recordings scatter more or less than stated, all do.
     """
+    scale = scatter(new, np.ones((len(new), 1)))
+    series, new = (replace(each, own=scale * each.own) for each in (series, new))
     gain = np.linalg.solve(new.covariance(), new.from_unit).T
     mean = gain @ new.sizes
     left = np.eye(new.from_unit.shape[1]) - gain @ new.from_unit

@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flea_diag.core.prognosis.size_series import STATED_FREEDOM, SizeSeries
+from flea_diag.core.prognosis.size_series import SizeSeries, fitted, scatter
 
 SHOWN_BY = 2.0
 """Standard errors by which a slope must differ from zero to be called one."""
@@ -65,31 +65,14 @@ def trend(series: SizeSeries) -> Trend:
     since = series.times - middle
     count = len(series)
     if not (count > 1 and since.any()):
-        level, sigma = _line(series, np.ones((count, 1)), 1.0)
-        return Trend(float(level[0]), float(sigma[0]), math.nan, math.nan, middle, count)
+        (level,), covariance = fitted(series, np.ones((count, 1)))
+        sigma = math.sqrt(covariance[0, 0])
+        return Trend(float(level), sigma, math.nan, math.nan, middle, count)
     design = np.stack((np.ones(count), since), axis=1)
-    scale = _scale(series, design)
-    (level, slope), (level_sigma, slope_sigma) = _line(series, design, scale)
-    return Trend(
-        float(level), float(level_sigma), float(slope), float(slope_sigma), middle, count, scale
-    )
-
-
-def _line(series: SizeSeries, design: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients and their standard errors."""
-    whitened = np.linalg.solve(np.linalg.cholesky(series.covariance(scale)), np.eye(len(series)))
-    rows = whitened @ design
-    covariance = np.linalg.inv(rows.T @ rows)
-    return covariance @ rows.T @ whitened @ series.sizes, np.sqrt(np.diagonal(covariance))
-
-
-def _scale(series: SizeSeries, design: np.ndarray) -> float:
-    """Root of the mean of the stated variance, as ``STATED_FREEDOM``, and of what is left."""
-    found, _ = _line(series, design, 1.0)
-    left = series.sizes - design @ found
-    square = float(left @ np.linalg.solve(series.covariance(), left))
-    freedom = len(series) - design.shape[1]
-    return math.sqrt((STATED_FREEDOM + square) / (STATED_FREEDOM + freedom))
+    scale = scatter(series, design)
+    (level, slope), covariance = fitted(series, design, scale)
+    level_sigma, slope_sigma = np.sqrt(np.diagonal(covariance)).tolist()
+    return Trend(float(level), level_sigma, float(slope), slope_sigma, middle, count, scale)
 
 
 def further_needed(series: SizeSeries, line: Trend) -> int | None:

@@ -137,8 +137,8 @@ def measured(bag: Path, stand: Stand, sizes: RecordingSizes, fault: str) -> list
     known = [serial for serial in dict.fromkeys(serials) if serial]
     if len(known) > 1:
         raise RecordingError(
-            f"{bag}: two units in one recording ({', '.join(known)}), and a trend is of one: cut it "
-            "where the unit is exchanged"
+            f"{bag}: two units in one recording ({', '.join(known)}), and a trend is of one: cut "
+            "it where the unit is exchanged"
         )
     by = calibration_sha256(learned(stand))
     return [

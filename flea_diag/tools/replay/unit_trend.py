@@ -130,7 +130,8 @@ class UnitTrend:
         """The trend in a line, the forecast in the next, and what qualifies them."""
         first, line = self.all[0], self.line
         count = line.estimates
-        head = f"{first.serial:12} {first.fault:26} {first.quantity}".rstrip()
+        of = f" {first.quantity}" if first.quantity else ""
+        head = f"{first.serial:12} {first.fault:26}{of}"
         level = f"{line.level:.3g} ± {line.level_sigma:.2g} {first.unit}"
         said = f"{head} {level}, {count} estimate{'s' if count > 1 else ''}: "
         if math.isnan(line.slope):
