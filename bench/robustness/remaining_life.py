@@ -94,8 +94,22 @@ WEARS = (
         (LINEAR, EXPONENTIAL),
     ),
     Wear("ema", "magnet_loss", "strength lost", "", 0.2, (LINEAR, EXPONENTIAL)),
-    Wear("ema", "ball_nut_friction", "viscous drag", "viscous_friction_n_s_m", 4.0, (LINEAR, EXPONENTIAL)),
-    Wear("gimbal", "bearing_friction", "viscous drag", "viscous_friction_n_s_m", 4.0, (LINEAR, EXPONENTIAL)),
+    Wear(
+        "ema",
+        "ball_nut_friction",
+        "viscous drag",
+        "viscous_friction_n_s_m",
+        4.0,
+        (LINEAR, EXPONENTIAL),
+    ),
+    Wear(
+        "gimbal",
+        "bearing_friction",
+        "viscous drag",
+        "viscous_friction_n_s_m",
+        4.0,
+        (LINEAR, EXPONENTIAL),
+    ),
 )
 """The rheostat of the paper, demagnetisation, drying grease and a worn bearing."""
 

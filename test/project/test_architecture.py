@@ -213,6 +213,7 @@ ARROWS = {
             "faults",
         ),
         "evidence": ("run_law", "likelihood", "isolation", "faults"),
+        "prognosis": ("likelihood",),
         "vibration": (),
         "choice": ("vibration", "likelihood", "residuals", "symbolic"),
         "drawing": ("residuals", "causal_graph", "bond_graph", "symbolic"),

@@ -132,13 +132,14 @@ class UnitTrend:
         count = line.estimates
         of = f" {first.quantity}" if first.quantity else ""
         head = f"{first.serial:12} {first.fault:26}{of}"
-        level = f"{line.level:.3g} ± {line.level_sigma:.2g} {first.unit}"
+        unit = self._unit
+        level = f"{line.level:.3g} ± {line.level_sigma:.2g}{unit}"
         said = f"{head} {level}, {count} estimate{'s' if count > 1 else ''}: "
         if math.isnan(line.slope):
             said += "no trend without time"
         else:
             slope, sigma = line.slope * DAY_S, line.slope_sigma * DAY_S
-            said += f"{slope:+.3g} ± {sigma:.2g} {first.unit} a day, {line.direction}"
+            said += f"{slope:+.3g} ± {sigma:.2g}{unit} a day, {line.direction}"
         return "\n  ".join((said, *self._foretold(), *self.remarks()))
 
     def _foretold(self) -> list[str]:
@@ -147,8 +148,14 @@ class UnitTrend:
         laws = ", ".join(f"{name} {share:.2f}" for name, share in self.forecast.of_laws.items())
         said = [f"growth by probability: {laws}"]
         if self.crossing is not None:
-            said.append(_crossing(self.crossing, self.all[0].unit, self._now_s))
+            said.append(_crossing(self.crossing, self._unit, self._now_s))
         return said
+
+    @property
+    def _unit(self) -> str:
+        """Unit as it is said after a number; of a share nothing."""
+        unit = self.all[0].unit
+        return "" if unit == "1" else f" {unit}"
 
     @property
     def _now_s(self) -> float:
@@ -176,7 +183,7 @@ class UnitTrend:
         before, after = self.all[self._fallen[-1] - 1], self.all[self._fallen[-1]]
         return (
             f"between {before.bag} and {after.bag} the size falls from {before.size:.3g} to "
-            f"{after.size:.3g} {after.unit}, which is no growth: taken as a repair, and the trend "
+            f"{after.size:.3g}{self._unit}, which is no growth: taken as a repair, and the trend "
             f"is of the {len(self.used)} since"
         )
 
@@ -204,7 +211,7 @@ def known(value: float) -> float | None:
 
 
 def _crossing(of: dict[str, Any], unit: str, now_s: float) -> str:
-    limit = f"limit {of['limit']:.3g} {unit}"
+    limit = f"limit {of['limit']:.3g}{unit}"
     if of["crossed"] > CROSSED:
         return f"{limit} is crossed already, with probability {of['crossed']:.2f}"
     if of["median_s"] is None:
