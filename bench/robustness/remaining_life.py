@@ -23,8 +23,8 @@ its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretel
 each after every recording. It does so besides for 100 units whose sizes are drawn with errors like
 those: 40 recordings from the first with a fault to its end, each law in turn. The fault grows from
 5 to 25 % of the limit; the first forecast is that after the first recording in which growth is
-shown. Where progpy is installed it foretells the drawn units as well, with a particle filter that
-is told by which law they grow.
+shown. Where progpy is installed it foretells the drawn units as well, with an unscented Kalman
+filter that is told by which law they grow.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
 from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
 from flea_diag.core.prognosis.trend import trend
-from flea_diag.stages.isolator.recording_sizes import RecordingSizes
+from flea_diag.stages.sizes.recording_sizes import RecordingSizes
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay.replay import diagnosed
 from flea_diag.wire.blocks import ResidualBlock
@@ -205,10 +205,10 @@ def foretold(life: Life, laws: Sequence[GrowthLaw] = LAWS) -> tuple[list[Foretol
 
 
 def by_progpy(life: Life, seed: int, until: int) -> Foretold:
-    """The forecast of a particle filter of progpy after so many recordings, told the law."""
+    """The forecast of progpy's unscented Kalman filter after so many recordings, told the law."""
     from progpy import PrognosticsModel
     from progpy.predictors import MonteCarlo
-    from progpy.state_estimators import ParticleFilter
+    from progpy.state_estimators import UnscentedKalmanFilter
     from progpy.uncertain_data import MultivariateNormalDist
 
     np.random.seed(seed)  # noqa: NPY002 (progpy draws from the generator of the process)
@@ -243,13 +243,13 @@ def by_progpy(life: Life, seed: int, until: int) -> Foretold:
     start = MultivariateNormalDist(
         ["size", "rate"], [first, rate], np.diag([own**2, rate**2])
     )  # fmt: skip
-    known = ParticleFilter(model, start, num_particles=1000)
+    known = UnscentedKalmanFilter(model, start)
     for time, size in zip(worn.times[1:].tolist(), worn.sizes[1:].tolist(), strict=True):
         known.estimate(time, model.InputContainer({}), model.OutputContainer({"size": size}))
     made_at = float(worn.times[-1])
     result = MonteCarlo(model).predict(
-        known.x, lambda _t, _x=None: model.InputContainer({}), t0=made_at, dt=0.25,
-        n_samples=100, horizon=made_at + 10.0 * DRAWN, events=["limit"],
+        known.x, lambda _t, _x=None: model.InputContainer({}), t0=made_at, dt=0.5,
+        n_samples=50, horizon=3.0 * DRAWN, events=["limit"],
     )  # fmt: skip
     ends = [e["limit"] for e in result.time_of_event]
     times = np.array([np.inf if end is None else end for end in ends], dtype=float)

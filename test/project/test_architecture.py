@@ -225,6 +225,7 @@ ARROWS = {
         "observer": ("judgement", "stream"),
         "extractor": (),
         "isolator": ("judgement",),
+        "sizes": ("isolator",),
         "baselines": ("extractor",),
         "evidence": ("observer", "isolator"),
     },

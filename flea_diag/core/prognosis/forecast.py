@@ -108,8 +108,8 @@ def forecast(series: SizeSeries, laws: Sequence[GrowthLaw] = LAWS) -> Forecast |
     if len(series) < LEAST_RECORDINGS or span_s <= 0.0:
         return None
     shares = (series.times - start_s) / span_s
-    factors = [_whitened(series, scale) for scale in SCALES]
-    grids = [_refined(law, series, shares, factors) for law in laws]
+    errors = _Errors.of(series)
+    grids = [_refined(law, series, shares, errors) for law in laws]
     law = np.repeat(np.arange(len(laws)), [len(logs) for _, _, logs in grids])
     first, last, logs = (np.concatenate(column) for column in zip(*grids, strict=True))
     weights = np.exp(logs - logs.max())
@@ -120,15 +120,52 @@ def forecast(series: SizeSeries, laws: Sequence[GrowthLaw] = LAWS) -> Forecast |
     )  # fmt: skip
 
 
-def _whitened(series: SizeSeries, scale: float) -> tuple[Array, float]:
-    """What whitens the sizes, and the log of its density with that of the scale."""
-    lower = np.linalg.cholesky(series.covariance(scale))
-    known = -STATED_FREEDOM * (math.log(scale) + 0.5 / scale**2)
-    return np.linalg.inv(lower), known - float(np.log(np.diagonal(lower)).sum())
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """``C`` at any ``s``, by the eigenvalues of ``L' D^-1 L``.
+
+    With ``r`` over the own errors and ``u`` along the eigenvectors, ``r' C^-1 r`` is
+    ``(|r|^2 - sum u^2 / (s^2 + eigenvalue)) / s^2`` (Woodbury).
+
+    Attributes
+    ----------
+    own
+        Shape (n,).
+    along
+        Own errors of what is left to ``u``, shape (differences, n).
+    eigenvalues
+        Shape (differences,), those above 0 alone.
+    """
+
+    own: Array
+    along: Array
+    eigenvalues: Array
+
+    @staticmethod
+    def of(series: SizeSeries) -> _Errors:
+        """Of the sizes of a series."""
+        moved = series.from_unit / series.own[:, None]
+        values, vectors = np.linalg.eigh(moved.T @ moved)
+        shown = values > 1e-12 * max(float(values.max(initial=0.0)), 1.0)
+        return _Errors(series.own, (moved @ vectors[:, shown]).T, values[shown])
+
+    def logs(self, left: Array) -> Array:
+        """Log weights of columns of what is left, shape (n, columns), over all ``SCALES``."""
+        scaled = left / self.own[:, None]
+        square, along = np.square(scaled).sum(axis=0), np.square(self.along @ scaled)
+        each = []
+        for scale in SCALES.tolist():
+            variances = scale**2 + self.eigenvalues
+            misfit = (square - (along / variances[:, None]).sum(axis=0)) / scale**2
+            known = STATED_FREEDOM * (math.log(scale) + 0.5 / scale**2)
+            free = len(left) - len(variances)
+            volume = free * math.log(scale) + 0.5 * float(np.log(variances).sum())
+            each.append(-known - volume - 0.5 * misfit)
+        return np.asarray(np.logaddexp.reduce(each, axis=0))
 
 
 def _refined(
-    law: GrowthLaw, series: SizeSeries, shares: Array, factors: Sequence[tuple[Array, float]]
+    law: GrowthLaw, series: SizeSeries, shares: Array, errors: _Errors
 ) -> tuple[Array, Array, Array]:
     """Sizes at the first and the last recording and their log weights, on the closest grid."""
     low, high = _box(series)
@@ -138,7 +175,8 @@ def _refined(
         first, grown = (axis.ravel() for axis in np.meshgrid(*middles, indexing="ij"))
         possible = first + grown > 0.0
         first, last = first[possible], (first + grown)[possible]
-        logs = _logs(law, series, shares, factors, first, last) + float(np.log(width).sum())
+        left = series.sizes[:, None] - _course(law, first, last, shares)
+        logs = errors.logs(left) + float(np.log(width).sum())
         likely = logs > logs.max() - WITHIN_NATS
         corners = np.stack((first[likely], (last - first)[likely]))
         low = np.maximum(corners.min(axis=1) - 0.5 * width, [0.0, -np.inf])
@@ -155,18 +193,7 @@ def _box(series: SizeSeries) -> tuple[Array, Array]:
     return np.array([0.0, grown - 2.0 * REACH * own]), np.array([top, grown + 2.0 * REACH * own])
 
 
-def _logs(
-    law: GrowthLaw,
-    series: SizeSeries,
-    shares: Array,
-    factors: Sequence[tuple[Array, float]],
-    first: Array,
-    last: Array,
-) -> Array:
-    """Log weight of each pair, summed over the scales of the own errors."""
+def _course(law: GrowthLaw, first: Array, last: Array, shares: Array) -> Array:
+    """Sizes at shares of the span, shape (shares, values)."""
     low, high = law.straight(first), law.straight(last)
-    left = series.sizes[:, None] - law.size(low + np.outer(shares, high - low))
-    each = np.array([
-        density - 0.5 * np.square(whitener @ left).sum(axis=0) for whitener, density in factors
-    ])  # fmt: skip
-    return np.asarray(np.logaddexp.reduce(each, axis=0))
+    return law.size(low + np.outer(shares, high - low))

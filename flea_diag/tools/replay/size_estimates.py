@@ -27,7 +27,7 @@ from flea_diag.errors import RecordingError
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
     from flea_diag.core.likelihood.fit import SizeError
-    from flea_diag.stages.isolator.recording_sizes import RecordingSizes
+    from flea_diag.stages.sizes.recording_sizes import RecordingSizes
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable
 
 OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")

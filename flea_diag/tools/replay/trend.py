@@ -105,7 +105,7 @@ def _sizing(arguments: argparse.Namespace) -> Callable[[Path], list[Estimate]]:
         return lambda bag: estimates(bag, given)
     from flea_diag.configuration.calibrations import learned
     from flea_diag.configuration.knowledge import knowledge
-    from flea_diag.stages.isolator.recording_sizes import RecordingSizes
+    from flea_diag.stages.sizes.recording_sizes import RecordingSizes
 
     stand, fault = chosen_stand(arguments, "calibration"), arguments.fault
     sizes = RecordingSizes(knowledge(stand, learned(stand)), fault)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -301,6 +302,24 @@ def test_every_recording_gives_a_size_against_the_unit_as_new(
         assert float(row["size_sigma"]) > 4.0 * float(row["size_sigma_own"])
     level = float(words.split("resistance lost ")[1].split(" ")[0])
     assert level == pytest.approx(0.1 * 2.95, abs=0.1), "the middle of the three, of 2.95 ohm"
+
+
+def test_the_catalogue_may_state_the_limit(
+    worn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In multiples of the calibrated resistance of 2.95 ohm, as all bounds of this size."""
+    stand = tmp_path / "stand"
+    shutil.copytree(ROOT / "config" / "stands" / "flea", stand)
+    text = (stand / "faults.yaml").read_text(encoding="utf-8")
+    name = "- name: resistance lost\n"
+    assert text.count(name) == 1
+    place = text.index(name) + len(name)
+    (stand / "faults.yaml").write_text(text[:place] + " " * 12 + "limit: 0.4\n" + text[place:])
+    days = sorted(worn.iterdir())
+    asked = ["--fault", "winding_short", "--size", "resistance lost", "--stand", stand]
+    words = said(capsys, *days[2:], *asked, "--new", *days[:2])
+    limit = float(words.split("limit ")[1].split(" ohm")[0])
+    assert limit == pytest.approx(0.4 * 2.95, rel=0.1)
 
 
 def test_bags_of_another_unit_are_none_of_this_one_as_new(

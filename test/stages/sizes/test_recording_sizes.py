@@ -25,7 +25,7 @@ from flea_diag.configuration.component import make_observer
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import load_stand
 from flea_diag.errors import ConfigurationError
-from flea_diag.stages.isolator.recording_sizes import RecordingSize, RecordingSizes
+from flea_diag.stages.sizes.recording_sizes import RecordingSize, RecordingSizes
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay.replay import diagnosed
 from flea_diag.wire.blocks import ResidualBlock
