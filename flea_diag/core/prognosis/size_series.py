@@ -92,7 +92,7 @@ def fitted(series: SizeSeries, design: Array, scale: float = 1.0) -> tuple[Array
     """Coefficients of the columns of a design, shape (n, m), and their covariance."""
     whitener = np.linalg.inv(np.linalg.cholesky(series.covariance(scale)))
     rows = whitener @ design
-    covariance: Array = np.linalg.inv(rows.T @ rows)
+    covariance = np.asarray(np.linalg.inv(rows.T @ rows), dtype=np.float64)
     return covariance @ rows.T @ whitener @ series.sizes, covariance
 
 
