@@ -92,6 +92,16 @@ PAGES = (
          "foreign_hoist", "foreign_arm"),
     ),
     ResultPage(
+        "remaining_life",
+        "Remaining life",
+        "Faults that grow from recording to recording, and when they reach a limit "
+        "([Remaining life](../remaining_life.md)). *Alpha 0.2 at lambda 0.5*: half way from the "
+        "first forecast to the end, the remaining life is right to a fifth of itself. The first "
+        "forecast is made as soon as growth is shown, so that it is early where a fault grows "
+        "slowly at first.",
+        ("remaining_life",),
+    ),
+    ResultPage(
         "baselines",
         "One statistic instead of many tests",
         "The diagnosis (`hybrid`) allows for what a unit is in five places. A baseline, "

@@ -61,7 +61,7 @@ Values = dict[str, Any]
 Draw = np.random.Generator
 
 
-def _motion(draw: Draw, machine: Machine, wider: float = 1.0) -> Values:
+def drawn_motion(draw: Draw, machine: Machine, wider: float = 1.0) -> Values:
     """A motion as calibrations have it, or wider by up to this factor in each of its numbers."""
     of, kind = machine.drawn, ("sine", "trapezoid", "triangle", "sweep")[int(draw.integers(4))]
     scale = lambda: float(np.exp(draw.uniform(-np.log(wider), np.log(wider))))  # noqa: E731
@@ -82,7 +82,7 @@ def _inside(draw: Draw, machine: Machine) -> Values:
     """As the recordings of the shipped calibrations are drawn."""
     load = float(draw.uniform(-1.0, 1.0)) * machine.limits.load_n
     return {
-        "motion": _motion(draw, machine),
+        "motion": drawn_motion(draw, machine),
         "load": {"constant_n": round(load, 1)},
         "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
         "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
@@ -91,13 +91,13 @@ def _inside(draw: Draw, machine: Machine) -> Values:
 
 def _other_motion(draw: Draw, machine: Machine) -> Values:
     """Wider and narrower, slower and faster."""
-    return {"motion": _motion(draw, machine, 1.5)}
+    return {"motion": drawn_motion(draw, machine, 1.5)}
 
 
 def _rests(draw: Draw, machine: Machine) -> Values:
     """Long rests under load between short ways, or nothing but rest."""
     still = draw.random() < 0.25
-    motion = _motion(draw, machine) | {"kind": "hold" if still else "trapezoid"}
+    motion = drawn_motion(draw, machine) | {"kind": "hold" if still else "trapezoid"}
     motion |= {"rise_s": machine.drawn.rise_s, "frequency_hz": round(draw.uniform(0.012, 0.04), 4)}
     motion.pop("end_frequency_hz", None)
     return {"motion": motion}

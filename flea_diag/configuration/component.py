@@ -34,6 +34,7 @@ from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorS
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.observer.state_estimate import NONE
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock
@@ -273,6 +274,15 @@ DIAGNOSER: Component[Any] = Component(
     ),
     _diagnoser,
 )
+
+
+def make_observer(stand: Stand) -> Pipeline:
+    """The observer alone, for a replay that takes residuals and no verdict.
+
+    It learns nothing of the unit at the start: a fault that is there already would be learned.
+    """
+    values = OBSERVER.parameters(source="replay", warm_up_s=0.0, state_observer=NONE)
+    return Pipeline((_observer(stand, values),))
 
 
 def make_pipeline(stand: Stand, source: str = "replay", **given: Any) -> Pipeline:

@@ -38,6 +38,7 @@ from typing import Any
 
 from flea_diag.wire.records import (
     AmbiguityGroup,
+    Candidate,
     Detection,
     FeatureRequest,
     FeatureValue,
@@ -59,6 +60,9 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
 """Decisions in the rank of their topics -> fields that are not part of the decision."""
 
 DECISIONS = tuple(LEFT_OUT)
+
+LEFT_OUT_WITHIN: dict[type, tuple[str, ...]] = {Candidate: ("size_sigma_own",)}
+"""The same of what decisions hold: how an error splits that is in them as a whole."""
 
 OF_A_MEMBER = ("fault", "probability", "size", "size_sigma")
 DECIDED: dict[type, tuple[str, ...]] = {
@@ -156,5 +160,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
     if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        left_out = LEFT_OUT_WITHIN.get(type(value), ())
+        names = [field.name for field in fields(value) if field.name not in left_out]
+        return {name: _plain(getattr(value, name)) for name in names}
     return value

@@ -281,7 +281,8 @@ class Evidence:
 class Candidate:
     """One fault of the catalogue with all evidence for and against it.
 
-    In a summary the members beyond those that fit have a name only.
+    In a summary the members beyond those that fit have a name only. ``size_sigma_own`` is the part
+    of ``size_sigma`` that is not of the unit, which all its recordings share; NaN: not known.
     """
 
     fault: str
@@ -292,6 +293,7 @@ class Candidate:
     size: float = float("nan")
     size_sigma: float = float("nan")
     size_unit: str = ""
+    size_sigma_own: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,6 +93,8 @@ GENERAL: dict[Row, str] = {
     ("evidence/hypotheses.py", "OTHER_UNIT_K", 5.0): "a room, and what was used before",
     ("run_law/run_windows.py", "HEATING_S", 60.0): "windings have half a minute to two",
     ("run_law/run_windows.py", "WINDOW_S", 0.2): "the shortest delay that matters",
+    ("sizes/recording_sizes.py", "PIECE_S", 4.0): "longer than the noise is coloured",
+    ("sizes/recording_sizes.py", "SETTLES_S", 1.0): "three kernels of the smoothing",
     ("run_law/visible_sizes.py", "FOLLOWED_S", 10.0): "time to a detection",
     ("run_law/time_constant.py", "TAUS_S", (30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)): (
         "half a minute to hours"

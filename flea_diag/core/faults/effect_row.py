@@ -42,6 +42,7 @@ class SizeBounds:
 
     ``low`` and ``high`` bound it, in multiples of the base parameter ``of`` if there is one;
     ``least`` takes the place of ``low`` where the fault has shown itself in vibration alone.
+    At ``limit``, in the same multiples, the part is at its end of life; infinite: none is stated.
     """
 
     name: str
@@ -50,6 +51,7 @@ class SizeBounds:
     high: float
     least: float
     of: str = ""
+    limit: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ class _Size:
     high: float = math.inf
     least: float | None = None
     of: str = ""
+    limit: float = math.inf
     moves: Mapping[str, float] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     opens: tuple[str, ...] = ()
@@ -189,8 +192,13 @@ def _size(row: _Size, actuator: Actuator, where: str) -> SizeRow:
         )
     if not row.low <= row.high:
         raise ConfigurationError(f"{where}: low = {row.low} must be at most high = {row.high}")
+    if not row.limit > max(row.low, 0.0):
+        raise ConfigurationError(
+            f"{where}: limit = {row.limit}, the size at the end of life, must be above "
+            f"{max(row.low, 0.0)}"
+        )
     least = row.low if row.least is None else row.least
-    bounds = SizeBounds(row.name, row.unit, row.low, row.high, least, row.of)
+    bounds = SizeBounds(row.name, row.unit, row.low, row.high, least, row.of, row.limit)
     adds = tuple((name, monomial(text)) for name, text in row.adds.items())
     return SizeRow(bounds, tuple(row.moves.items()), tuple(row.scales.items()), row.opens, adds)
 

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from flea_diag.core.calibration.calibration import Calibration
@@ -39,12 +39,16 @@ class Weights:
         Samples to one independent sample.
     tolerances
         In the order of ``EffectSet.differences``.
+    run_share
+        Of the variance of each difference what already the recordings of one unit differ by, in the
+        same order; 0 where the calibration holds no law of its recordings.
     """
 
     sigma: dict[str, float]
     own_sigma: dict[str, float]
     correlation: dict[str, float]
     tolerances: tuple[float, ...]
+    run_share: tuple[float, ...]
 
     @classmethod
     def of(cls, calibration: Calibration, effects: EffectSet) -> Weights:
@@ -63,7 +67,20 @@ class Weights:
             sigma[circuit] = own[circuit] = run.sigma
             correlation[circuit] = run.correlation
             calibration = replace(calibration, tolerance=run.tolerance)
-        return cls(sigma, own, correlation, calibration.differences(effects.differences))
+        tolerances = calibration.differences(effects.differences)
+        return cls(sigma, own, correlation, tolerances, run_share(calibration, effects, tolerances))
+
+
+def run_share(
+    calibration: Calibration, effects: EffectSet, tolerances: Sequence[float]
+) -> tuple[float, ...]:
+    """Share of each difference's variance that recordings of one unit differ by; at most 1."""
+    terms = calibration.law.terms if calibration.law else ()
+    of_runs = {term.name: term.run_sigma for term in terms if not term.relation}
+    return tuple(
+        min((of_runs.get(name, 0.0) / tolerance) ** 2, 1.0)
+        for name, tolerance in zip(effects.differences, tolerances, strict=True)
+    )
 
 
 def own_sigma(calibration: Calibration, residuals: Collection[str]) -> dict[str, float]:

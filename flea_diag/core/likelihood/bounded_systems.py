@@ -104,6 +104,11 @@ class BoundedSystems:
         errors = np.sqrt(np.clip(variances, 0.0, None)) / scale
         return np.asarray(errors[places, : self.count])
 
+    def inverse(self, which: int) -> Array:
+        """Covariance of all unknowns of one model, shape (n, n), with no size held to a bound."""
+        A, scale = (of[self.places[which]] for of in self._scaled)
+        return np.asarray(np.linalg.pinv(A) / scale[:, None] / scale)
+
     @cached_property
     def _found(self) -> list[list[float]]:
         found: list[list[float]] = self.solutions[:, : self.count].tolist()

@@ -66,7 +66,8 @@ def fitted(
     square = float(weight @ sums.square)
     nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
     means = sums.means.copy()  # as they are now: a fit is asked for details later
-    fitting = _Fitting(sums, spacing, weight, unit, nominal, log_independent, means)
+    spread = np.asarray(tolerance, dtype=float)
+    fitting = _Fitting(sums, spacing, weight, unit, nominal, log_independent, means, spread)
     found: dict[FaultModel, Fit] = {}
     for stack, solved in zip(stacks, systems, strict=True):
         found |= fitting.fits(stack, solved)
@@ -121,6 +122,8 @@ class _Fitting:
         Logarithm of the independent samples of all residuals that any of the faults moves.
     means
         Products of block means, as they are now.
+    tolerance
+        What healthy units differ by, one sigma each.
     """
 
     sums: EvidenceSums
@@ -130,6 +133,7 @@ class _Fitting:
     nominal: float
     log_independent: float
     means: Array
+    tolerance: Array
 
     def fits(self, stack: ModelStack, systems: BoundedSystems) -> Iterator[tuple[FaultModel, Fit]]:
         """Fits of all models of a stack, in any order."""
@@ -139,7 +143,8 @@ class _Fitting:
         for k, model in enumerate(faults):
             if model.roughness == 0.0:
                 gain = 0.5 * (self.nominal - systems.misfit(k, square))
-                yield model, self._fit(model, gain, Solution(systems, k, stack.design(k), means))
+                solution = Solution(systems, k, stack.design(k), means, self.weight, self.tolerance)
+                yield model, self._fit(model, gain, solution)
         if not rough:
             return
         weights, losses = zip(
@@ -149,7 +154,9 @@ class _Fitting:
         for place, k in enumerate(rough):
             misfit = systems.misfit(place, float(weights[place] @ self.sums.square))
             gain = 0.5 * (self.nominal - misfit) - losses[place]
-            solution = Solution(systems, place, stack.design(k), means)
+            solution = Solution(
+                systems, place, stack.design(k), means, weights[place], self.tolerance
+            )
             yield faults[k], self._fit(faults[k], gain, solution)
 
     def _roughened(self, model: FaultModel, sizes: Sequence[float]) -> tuple[Array, float]:

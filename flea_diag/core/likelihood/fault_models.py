@@ -31,6 +31,7 @@ the opposite sign does not explain the residual.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -46,12 +47,16 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """One size parameter of a fault: what it is, its unit and its bounds."""
+    """One size parameter of a fault: what it is, its unit and its bounds.
+
+    ``limit`` is that of the end of life; infinite: none is stated.
+    """
 
     name: str
     unit: str
     low: float
     high: float
+    limit: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,14 +16,44 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SizeError:
+    """Standard error of a size, split by where it comes from; unit of the size.
+
+    Attributes
+    ----------
+    own
+        Of this recording alone: its noise, and what recordings of one unit differ by.
+    from_unit
+        What one standard deviation of each difference of a unit moves the size by. The difference
+        is the same in all recordings of the unit, so these errors cancel between their sizes.
+    """
+
+    own: float
+    from_unit: tuple[float, ...] = ()
+
+    @property
+    def shared(self) -> float:
+        """Of the unit, the same in each of its recordings."""
+        return math.hypot(*self.from_unit)
+
+    @property
+    def total(self) -> float:
+        """Of the size of any unit of the design."""
+        return math.hypot(self.own, self.shared)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,12 +68,51 @@ class Solution:
         How sizes and unit parameters enter each residual, shape (residuals, signals, unknowns).
     means
         Of each residual the products of block means, shape (residuals, 1 + signals, 1 + signals).
+    weight
+        Of a squared residual, shape (residuals,).
+    tolerance
+        What healthy units differ by, one sigma each, shape (differences,).
     """
 
     systems: BoundedSystems
     number: int
     design: Array
     means: Array
+    weight: Array
+    tolerance: Array
+
+    def errors(
+        self, run_share: Array, pieces: Sequence[EvidenceSums] = ()
+    ) -> tuple[SizeError, ...]:
+        """Error of each size, split; ``run_share`` as in ``Weights``.
+
+        The prior of what the unit differs by has the information ``L``, so its error enters the
+        solution by ``A^-1 L``: with ``L^-1`` as covariance, a size has ``(A^-1)_sj / tolerance_j``
+        of one standard deviation of difference j. What is left of its variance is of the noise.
+        Where the ``pieces`` of the evidence are given, their scatter says what that is.
+        """
+        inverse, count = self.systems.inverse(self.number), self.systems.count
+        moved = inverse[:count, count:] / self.tolerance
+        noise = np.diagonal(inverse)[:count] - np.square(moved).sum(axis=1)
+        if pieces:
+            noise = np.square(inverse[:count] @ self._scores(pieces)).sum(axis=1)
+        own = np.maximum(noise, 0.0) + np.square(moved) @ run_share
+        lasting = moved * np.sqrt(1.0 - run_share)
+        return tuple(
+            SizeError(math.sqrt(float(variance)), tuple(map(float, row)))
+            for variance, row in zip(own, lasting, strict=True)
+        )
+
+    def _scores(self, pieces: Sequence[EvidenceSums]) -> Array:
+        """What each piece of the evidence would move the unknowns by, shape (unknowns, pieces).
+
+        By their scatter errors are those of the noise as it is, coloured or not (White 1980, of
+        clusters Liang and Zeger 1986); the prior is of no piece.
+        """
+        effect = self.design @ self.systems.solutions[self.number]
+        weighed = self.weight[:, None, None] * self.design
+        left = [p.cross - np.matmul(p.gram, effect[..., None])[..., 0] for p in pieces]
+        return np.array([np.einsum("rsu,rs->u", weighed, of_piece) for of_piece in left]).T
 
     def sigmas(self) -> tuple[float, ...]:
         """Standard error of each size."""
@@ -62,11 +131,15 @@ class Solution:
 class KnownErrors:
     """Standard errors that are known at once; what is left is told elsewhere."""
 
-    errors: tuple[float, ...]
+    known: tuple[float, ...]
 
     def sigmas(self) -> tuple[float, ...]:
         """Standard error of each size."""
-        return self.errors
+        return self.known
+
+    def errors(self, run_share: Array) -> tuple[SizeError, ...]:
+        """Not told here."""
+        return ()
 
     def left(self) -> tuple[float, ...]:
         """Not told here."""
@@ -90,6 +163,10 @@ class Fit:
     def sigmas(self) -> tuple[float, ...]:
         """Standard error of each size; none without a solution."""
         return self.solution.sigmas() if self.solution else ()
+
+    def errors(self, run_share: Array) -> tuple[SizeError, ...]:
+        """Error of each size, split by where it comes from; none without a solution."""
+        return self.solution.errors(run_share) if self.solution else ()
 
     @property
     def left(self) -> tuple[float, ...]:

@@ -131,6 +131,12 @@ class NormalEquations:
         self.sums.add(other.sums, times)
 
     @property
+    def summed(self) -> EvidenceSums:
+        """The sums with all samples so far."""
+        self._fold()
+        return self.sums
+
+    @property
     def samples(self) -> Array:
         """Samples of each residual, shape (residuals,)."""
         return self.sums.samples

@@ -60,5 +60,5 @@ def _bound(size: SizeBounds, values: Mapping[str, float], is_vibration_only: boo
     """A size with the parameters of one calibration; infinity stays so, also of one that is 0."""
     unit = values[size.of] if size.of else 1.0
     ends = size.least if is_vibration_only else size.low, size.high
-    low, high = (end if math.isinf(end) else end * unit for end in ends)
-    return Size(size.name, size.unit, low, high)
+    low, high, limit = (end if math.isinf(end) else end * unit for end in (*ends, size.limit))
+    return Size(size.name, size.unit, low, high, limit)

@@ -162,7 +162,8 @@ class LikelihoodMethod:
     def verdict(self) -> VerdictRecord:
         """By the fits of fault models."""
         known = self._quantitative
-        return VerdictRecord(self._k, self._p, known.models, known.names)
+        share = known.weights.run_share
+        return VerdictRecord(self._k, self._p, known.models, known.names, run_share=share)
 
     def pass_by(self, record: Residual, quiet: bool) -> None:
         """Jumps are remembered; the baseline of the unit is that of quiet scans."""

@@ -20,6 +20,8 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from flea_diag.core.faults.response import to_do
 from flea_diag.core.isolation.detectability import (
     TOO_WIDE,
@@ -72,8 +74,10 @@ class VerdictRecord:
         quantified: Collection[str],
         rules: OutcomeRules | None = None,
         by_law: Sequence[VisibleSize] = (),
+        run_share: Sequence[float] = (),
     ) -> None:
         self._k = knowledge
+        self._run_share = np.array(run_share)
         self._source = parameters.source
         self._models = tuple(models)
         faults, calibration = knowledge.faults, knowledge.calibration
@@ -132,8 +136,8 @@ class VerdictRecord:
             episode=shared.number,
             step=episode.step,
             seq=0,
-            members=tuple(_candidate(h, self._models) for h in isolation.alive()),
-            dropped=tuple(_candidate(h, self._models) for h in isolation.dropped()),
+            members=tuple(map(self._candidate, isolation.alive())),
+            dropped=tuple(map(self._candidate, isolation.dropped())),
             detected_stamp_ns=shared.detected_ns,
             words=words + _remarks(stand, episode),
             calibration_sha256=self._k.calibration_sha256,
@@ -185,6 +189,38 @@ class VerdictRecord:
         if outcome is not Outcome.INDISTINGUISHABLE:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
+
+    def _candidate(self, hypothesis: Hypothesis) -> Candidate:
+        size, sigma, unit, own = self._size(hypothesis)
+        return Candidate(
+            hypothesis.name,
+            hypothesis.fault.deviation,
+            hypothesis.probability if not hypothesis.why_dropped else 0.0,
+            hypothesis.why_dropped or hypothesis.why_kept,
+            tuple(
+                Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
+                for c in hypothesis.checks
+            ),
+            size,
+            sigma,
+            unit,
+            own,
+        )
+
+    def _size(self, hypothesis: Hypothesis) -> tuple[float, float, str, float]:
+        """Size, standard error, unit and own error by the best fit; NaN where there is none."""
+        fit = hypothesis.fit
+        if fit is None:
+            return math.nan, math.nan, "", math.nan
+        sizes = fit.sizes
+        model = next(
+            m for m in self._models if m.fault == hypothesis.name and len(m.sizes) == len(sizes)
+        )
+        # The first size that is not 0: a drag may be purely viscous.
+        index = next((k for k, value in enumerate(sizes) if value), 0)
+        errors = fit.errors(self._run_share) if len(self._run_share) else ()
+        own = errors[index].own if errors else math.nan
+        return sizes[index], fit.sigmas[index], model.sizes[index].unit, own
 
     def _not_looked_for(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand can show, but whose tests had nothing to judge."""
@@ -299,31 +335,3 @@ def _returned(stand: StandStatus, episode: FaultEpisode | None) -> str:
     if episode is not None and episode.shared.taken_over:
         words += ", thermal residuals disabled until reset; only ~/reset ends this episode"
     return words
-
-
-def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
-    size, sigma, unit = _size(hypothesis, models)
-    return Candidate(
-        hypothesis.name,
-        hypothesis.fault.deviation,
-        hypothesis.probability if not hypothesis.why_dropped else 0.0,
-        hypothesis.why_dropped or hypothesis.why_kept,
-        tuple(
-            Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
-            for c in hypothesis.checks
-        ),
-        size,
-        sigma,
-        unit,
-    )
-
-
-def _size(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> tuple[float, float, str]:
-    """Size, standard error and unit by the best fit; NaN where there is none."""
-    if hypothesis.fit is None:
-        return math.nan, math.nan, ""
-    sizes = hypothesis.fit.sizes
-    model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == len(sizes))
-    # The first size that is not 0: a drag may be purely viscous.
-    index = next((k for k, value in enumerate(sizes) if value), 0)
-    return sizes[index], hypothesis.fit.sigmas[index], model.sizes[index].unit

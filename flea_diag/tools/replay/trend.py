@@ -12,206 +12,177 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flea trend``: fault size over the episodes and bags of one actuator."""
+"""``flea trend``: how a fault of one actuator grows over its bags, and how long it will last."""
 
 from __future__ import annotations
 
 import argparse
 import csv
 import io
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from flea_diag.errors import FleaError
+from flea_diag.errors import ConfigurationError, FleaError, shown
 from flea_diag.formats import stamped
-from flea_diag.tools.argument import add_json
-from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
+from flea_diag.tools.argument import add_json, positive
+from flea_diag.tools.replay.size_estimates import WRITTEN, Estimate, estimates, measured
+from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand, given_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
-    from flea_diag.configuration.stand import Stand
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable
+    from flea_diag.core.prognosis.growth_law import GrowthLaw
+    from flea_diag.tools.replay.unit_trend import UnitTrend
 
 NAME = "trend"
-SUMMARY = "estimate the trend of a fault size over the bags of one actuator"
+SUMMARY = "estimate the growth of a fault and the remaining life over the bags of one actuator"
 EXAMPLES = """\
 examples:
   flea trend bags/2026*                            from the recorded verdicts
   flea trend bags/2026* --calibration cal.yaml     from a new diagnosis
+  flea trend bags/2026* --fault winding_short      its size in every bag, detected or not
+  flea trend bags/* --fault magnet_loss --new bags/day_0 bags/day_1 --limit 0.2
   flea trend bags/* --serial EMA-007               of one actuator only
   flea trend bags/* --json trend.json --csv trend.csv
 
 The serial number is that of the channels of the test actuator in the channel table. After a
 simulated stand has switched to its other unit, it is that of the faulty unit. Bags without a
-serial number are listed as 'unknown'. In the JSON file, `times` (s) and `data` of each trend have
-the format of progpy's SimResult; `sigmas` are the standard errors.
+serial number are listed as 'unknown'. What a unit differs by from the design moves the sizes of all
+its bags alike: the trend is known by what is left. Bags of the unit as new tell the rest of it. In
+the JSON file, `times` (s) and `data` of each trend have the format of progpy's SimResult; `sigmas`
+are the standard errors, `own_sigmas` their part that bags do not share.
 """
-OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
-"""Channels with the serial number of the test actuator; the first one given counts."""
-UNKNOWN = "unknown"
-DAY_S = 86400.0
 ANEW = "calibration; with it, or with --stand, bags are diagnosed again, ignoring recorded verdicts"
+LAW_NAMES = ("linear", "exponential", "Paris")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="bags of any actuators")
     parser.add_argument("--serial", help="use only the actuator with this serial number")
+    parser.add_argument("--fault", help="estimate its size by the whole of every bag")
+    parser.add_argument("--size", help="use only this size of the fault, by its name")
+    parser.add_argument(
+        "--new", nargs="+", type=Path, default=[], metavar="BAG",
+        help="bags of the unit as new, without the fault; with --fault",
+    )  # fmt: skip
+    parser.add_argument(
+        "--limit", type=positive,
+        help="size at the end of life, in its unit (default: `limit` of the catalogue)",
+    )  # fmt: skip
+    parser.add_argument("--law", choices=LAW_NAMES, help="how it grows (default: any, weighed)")
     add_stand(parser)
     add_calibration(parser, ANEW)
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line per estimate")
-    add_json(parser, "estimates and trends")
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Size of one fault by the last verdict of one episode.
-
-    ``outcome`` says whether the fault was isolated or is one of several possible ones.
-    """
-
-    serial: str
-    fault: str
-    stamp_ns: int
-    size: float
-    size_sigma: float
-    unit: str
-    outcome: str
-    probability: float
-    bag: str
-    episode: int
+    add_json(parser, "estimates, trends and forecasts")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Collect the estimates of all bags, print and write their trends."""
-    stand = given_stand(arguments)
-    found: list[Estimate] = []
-    refused = 0
-    for number, bag in enumerate(arguments.bags, 1):
-        progress(number, len(arguments.bags), bag.name)
-        try:
-            found += estimates(bag, stand)
-        except FleaError as error:
-            refused += 1
-            warn(str(error))
-    if arguments.serial:
-        found = [entry for entry in found if entry.serial == arguments.serial]
-    found.sort(key=lambda entry: (entry.serial, entry.fault, entry.unit, entry.stamp_ns))
-    trends = [_trend(part) for part in _parts(found)]
+    if arguments.new and not arguments.fault:
+        raise ConfigurationError("--new needs --fault: a verdict on a new unit has no size")
+    sized = _sizing(arguments)
+    found, refused = _collected(arguments.bags, sized)
+    new, _ = _collected(arguments.new, sized)
+    kept = [entry for entry in found if _wanted(entry, arguments)]
+    trends = _trends(kept, [entry for entry in new if _wanted(entry, arguments)], arguments)
     if arguments.csv:
-        _write_csv(arguments.csv, found)
+        _write_csv(arguments.csv, [entry for each in trends for entry in each.all])
     if arguments.json:
-        write_json(arguments.json, stamped("trend", {"trends": trends}))
+        written = {"trends": [each.to_mapping() for each in trends]}
+        write_json(arguments.json, stamped("trend", written))
     if arguments.json != "-":
-        say("\n".join(map(_words, trends)) or "no fault size was estimated in these bags")
+        say("\n".join(each.words() for each in trends) or _nothing(found, arguments))
     if refused == len(arguments.bags):
         return 2
     return IN_PART if refused else 0
 
 
-def estimates(bag: Path, stand: Stand | None = None) -> list[Estimate]:
-    """Sizes at the end of the episodes of a bag.
+def _sizing(arguments: argparse.Namespace) -> Callable[[Path], list[Estimate]]:
+    """How a bag gives its sizes."""
+    if not arguments.fault:
+        given = given_stand(arguments)
+        return lambda bag: estimates(bag, given)
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.knowledge import knowledge
+    from flea_diag.stages.sizes.recording_sizes import RecordingSizes
 
-    Raises
-    ------
-    RecordingError
-        There is no flea_diag bag.
-    """
-    from flea_diag.tools.replay.replay import diagnosis
-    from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable, Truth
-
-    mounted = owner = ""
-    last: dict[int, tuple[AmbiguityGroup, str]] = {}
-    # The truth is read for the serial number only: no stage consumes it.
-    for record in diagnosis(bag, stand, (ChannelTable, Truth, AmbiguityGroup)):
-        if isinstance(record, ChannelTable):
-            mounted = serial_of(record)
-        elif isinstance(record, Truth):
-            owner = dict(record.details).get("serial", "")
-        elif isinstance(record, AmbiguityGroup) and record.detected_stamp_ns != NEVER_NS:
-            last[record.detected_stamp_ns] = record, owner or mounted or UNKNOWN
-    return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
+    stand, fault = chosen_stand(arguments, "calibration"), arguments.fault
+    sizes = RecordingSizes(knowledge(stand, learned(stand)), fault)
+    return lambda bag: measured(bag, stand, sizes, fault)
 
 
-def serial_of(table: ChannelTable) -> str:
-    """Serial number of the test actuator; empty if the table has none."""
-    rows = map(table.info, OF_ACTUATOR)
-    return next((row.serial for row in rows if row is not None and row.serial), "")
+def _collected(
+    bags: Sequence[Path], sized: Callable[[Path], list[Estimate]]
+) -> tuple[list[Estimate], int]:
+    """Estimates of all bags, and how many bags were refused."""
+    found: list[Estimate] = []
+    refused = 0
+    for number, bag in enumerate(bags, 1):
+        progress(number, len(bags), bag.name)
+        try:
+            found += sized(bag)
+        except FleaError as error:
+            refused += 1
+            warn(str(error))
+    return found, refused
 
 
-def _of_group(group: AmbiguityGroup, serial: str, bag: Path) -> Iterator[Estimate]:
-    for member in group.members:
-        # A size without standard error, or at a bound (error 0), is not an estimate.
-        if math.isfinite(member.size) and member.size_sigma > 0.0:
-            yield Estimate(
-                serial,
-                member.fault,
-                group.stamp_ns,
-                member.size,
-                member.size_sigma,
-                member.size_unit,
-                group.outcome.value,
-                member.probability,
-                str(bag),
-                group.episode,
-            )
-
-
-def _parts(found: Sequence[Estimate]) -> list[list[Estimate]]:
-    """Comparable estimates: one actuator, one fault, one unit of its size."""
-    parts: dict[tuple[str, str, str], list[Estimate]] = {}
-    for entry in found:
-        parts.setdefault((entry.serial, entry.fault, entry.unit), []).append(entry)
-    return list(parts.values())
-
-
-def _trend(part: Sequence[Estimate]) -> dict[str, Any]:
-    from flea_diag.core.likelihood.trend import trend
-
-    first = part[0]
-    times = [(entry.stamp_ns - first.stamp_ns) / 1e9 for entry in part]
-    line = trend(times, [e.size for e in part], [e.size_sigma for e in part])
-    return {
-        "serial": first.serial,
-        "fault": first.fault,
-        "unit": first.unit,
-        "since_ns": first.stamp_ns,
-        "times": times,
-        "data": [{"size": entry.size} for entry in part],
-        "sigmas": [entry.size_sigma for entry in part],
-        "level": line.level,
-        "level_sigma": line.level_sigma,
-        "slope_per_s": _known(line.slope),
-        "slope_sigma_per_s": _known(line.slope_sigma),
-        "direction": line.direction,
-        "estimates": [asdict(entry) for entry in part],
-    }
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
-
-
-def _words(entry: dict[str, Any]) -> str:
-    """One trend in a line."""
-    unit, count = entry["unit"], len(entry["times"])
-    head = f"{entry['serial']:12} {entry['fault']:26}"
-    level = f"{entry['level']:.3g} ± {entry['level_sigma']:.2g} {unit}"
-    if entry["slope_per_s"] is None:
-        return f"{head} {level}, {count} estimate{'s' if count > 1 else ''}: no trend without time"
-    slope, sigma = entry["slope_per_s"] * DAY_S, entry["slope_sigma_per_s"] * DAY_S
-    return (
-        f"{head} {level}, {count} estimates: {slope:+.3g} ± {sigma:.2g} {unit} a day, "
-        f"{entry['direction']}"
+def _wanted(entry: Estimate, arguments: argparse.Namespace) -> bool:
+    return (not arguments.serial or entry.serial == arguments.serial) and (
+        not arguments.size or entry.quantity == arguments.size
     )
+
+
+def _trends(
+    found: Sequence[Estimate], new: Sequence[Estimate], arguments: argparse.Namespace
+) -> list[UnitTrend]:
+    """Comparable estimates, each with its trend: one actuator, one fault, one size."""
+    from flea_diag.tools.replay.unit_trend import UnitTrend
+
+    parts = _parts(found)
+    if arguments.limit is not None and len({key[1:] for key in parts}) > 1:
+        names = ", ".join(dict.fromkeys(" ".join(filter(None, key[1:])) for key in parts))
+        raise ConfigurationError(
+            f"--limit {arguments.limit:g} is of one size, and these bags give several ({names}): "
+            "choose one with --fault and --size"
+        )
+    of_new, laws = _parts(new), _laws(arguments.law)
+    for key in parts if new else ():
+        if key not in of_new:
+            raise ConfigurationError(f"--new: none of these bags is of the unit {shown(key[0])}")
+    return [
+        UnitTrend(part, of_new.get(key, []), arguments.limit or part[0].limit, laws)
+        for key, part in parts.items()
+    ]
+
+
+def _parts(found: Sequence[Estimate]) -> dict[tuple[str, ...], list[Estimate]]:
+    parts: dict[tuple[str, ...], list[Estimate]] = {}
+    for entry in sorted(found, key=lambda e: (e.serial, e.fault, e.quantity, e.unit, e.stamp_ns)):
+        key = entry.serial, entry.fault, entry.quantity, entry.unit
+        parts.setdefault(key, []).append(entry)
+    return parts
+
+
+def _laws(name: str | None) -> Sequence[GrowthLaw]:
+    from flea_diag.core.prognosis.growth_law import LAWS
+
+    return [law for law in LAWS if name in (None, law.name)]
+
+
+def _nothing(found: Sequence[Estimate], arguments: argparse.Namespace) -> str:
+    """Why there is no trend at all."""
+    if not found:
+        return "no fault size was estimated in these bags"
+    serials = ", ".join(sorted({entry.serial for entry in found}))
+    sizes = ", ".join(sorted({entry.quantity or entry.unit for entry in found}))
+    return f"no size is left of those of {serials}, which are {sizes}: see --serial and --size"
 
 
 def _write_csv(path: Path, found: Sequence[Estimate]) -> None:
     text = io.StringIO()
-    rows = csv.DictWriter(text, [entry.name for entry in fields(Estimate)], lineterminator="\n")
+    rows = csv.DictWriter(text, WRITTEN, lineterminator="\n")
     rows.writeheader()
-    rows.writerows(map(asdict, found))
+    rows.writerows(entry.row() for entry in found)
     write_text(path, text.getvalue())

@@ -279,6 +279,10 @@ SIZE = {"name": "drag", "unit": "N", "moves": {"coulomb_friction_n": 1}}
             bad("faults.spall.effects", [{"sizes": [{**SIZE, "low": 3.0, "high": 2.0}]}]),
             "low = 3.0 must be at most high = 2.0",
         ),
+        (
+            bad("faults.spall.effects", [{"sizes": [{**SIZE, "limit": 0.0}]}]),
+            "limit = 0.0, the size at the end of life, must be above 0",
+        ),
     ],
 )
 def test_a_wrong_fault_is_refused_by_name(flea: Actuator, edit: Any, message: str) -> None:

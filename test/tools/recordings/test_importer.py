@@ -41,7 +41,7 @@ from flea_diag.tools.recordings.flea_run import (
     find_run_away,
     label_of,
 )
-from flea_diag.tools.replay.trend import serial_of
+from flea_diag.tools.replay.size_estimates import serial_of
 from flea_diag.wire import records as r
 from flea_diag.wire.bags.bag import read_bag
 

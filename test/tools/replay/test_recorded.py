@@ -27,7 +27,7 @@ from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import DECISIONS
 from flea_diag.tools.replay.replay import diagnosed, replay, sources
-from flea_diag.tools.replay.trend import estimates
+from flea_diag.tools.replay.size_estimates import estimates
 from flea_diag.wire.bags.bag import BagReader, BagWriter
 from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import AmbiguityGroup, Hypotheses, Record, Scan

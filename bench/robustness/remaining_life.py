@@ -1,0 +1,364 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Units that wear out: when growth is shown, how well the end is foretold, and what progpy says.
+
+python bench/robustness/remaining_life.py measure sizes.json          8 units of each kind of wear
+python bench/robustness/remaining_life.py score sizes.json --json FILE
+
+``measure`` simulates units of their own, as new and then with a fault that grows from recording to
+recording. A unit has one motion, that of its test; each recording has a load, a room and noise of
+its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of
+each after every recording. It does so besides for 100 units whose sizes are drawn with errors like
+those: 40 recordings from the first with a fault to its end, each law in turn. The fault grows from
+5 to 25 % of the limit; the first forecast is that after the first recording in which growth is
+shown. Where progpy is installed it foretells the drawn units as well, with an unscented Kalman
+filter that is told by which law they grow.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from robustness.healthy import drawn_motion, scenario
+from summary import Figure, bench_parser, share, write_summary
+
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.component import make_observer
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.likelihood.fit import SizeError
+from flea_diag.core.prognosis.forecast import forecast
+from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
+from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
+from flea_diag.core.prognosis.size_series import SizeSeries, against_new
+from flea_diag.core.prognosis.trend import trend
+from flea_diag.stages.sizes.recording_sizes import RecordingSizes
+from flea_diag.tools.evaluate.case_run import in_blocks
+from flea_diag.tools.replay.replay import diagnosed
+from flea_diag.wire.blocks import ResidualBlock
+from flea_diag.wire.records import Residual, Truth
+from flea_sim_driver.machine.library import find_machine
+from flea_sim_driver.stand import SimulatedStand
+
+SCORED_SEED = 4600
+NEW, LIVED, DRAWN = 3, 16, 40
+"""Recordings of a unit as new, of its wear as simulated, and as drawn."""
+RECORDED_S, BEGINS, ALPHA, HALF = 40.0, (0.05, 0.25), 0.2, 0.5
+SHARES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class Wear:
+    """A fault of a machine, the size that is followed, and its limit in the simulator's unit.
+
+    One of the simulator's sizes is as much as the value ``of`` the unit, by its name; empty: 1.
+    """
+
+    machine: str
+    fault: str
+    size: str
+    of: str
+    limit: float
+    laws: tuple[GrowthLaw, ...]
+
+
+LINEAR, EXPONENTIAL, _ = LAWS
+WEARS = (
+    Wear(
+        "flea",
+        "winding_short",
+        "resistance lost",
+        "winding_resistance_ohm",
+        0.4,
+        (LINEAR, EXPONENTIAL),
+    ),
+    Wear("ema", "magnet_loss", "strength lost", "", 0.2, (LINEAR, EXPONENTIAL)),
+    Wear(
+        "ema",
+        "ball_nut_friction",
+        "viscous drag",
+        "viscous_friction_n_s_m",
+        4.0,
+        (LINEAR, EXPONENTIAL),
+    ),
+    Wear(
+        "gimbal",
+        "bearing_friction",
+        "viscous drag",
+        "viscous_friction_n_s_m",
+        4.0,
+        (LINEAR, EXPONENTIAL),
+    ),
+)
+"""The rheostat of the paper, demagnetisation, drying grease and a worn bearing."""
+
+
+@dataclass(frozen=True)
+class Life:
+    """Sizes of one unit, as new and worn, with the end of its life; times in recordings."""
+
+    kind: str
+    law: str
+    limit: float
+    end: float
+    new: SizeSeries
+    worn: SizeSeries
+
+
+def measured(wear: Wear, number: int, seed: int) -> dict[str, Any]:
+    """One unit through simulator and observer."""
+    draw = np.random.default_rng((seed, WEARS.index(wear), number))
+    machine, stand = find_machine(wear.machine), load_stand(wear.machine)
+    law = wear.laws[number % len(wear.laws)]
+    end = float(draw.uniform(0.8, 1.0)) * LIVED
+    limit = wear.limit * getattr(machine.unit, wear.of, 1.0)
+    low, high = law.straight(limit * draw.uniform(*BEGINS)), law.straight(limit)
+    times = np.arange(-NEW, int(end) + 1)
+    sized = RecordingSizes(knowledge(stand, learned(stand)), wear.fault)
+    rows: list[dict[str, Any]] = []
+    same = {
+        "duration_s": RECORDED_S,
+        "unit_seed": int(draw.integers(2**31)),
+        "motion": drawn_motion(draw, machine),
+    }
+    healthy = SimulatedStand(scenario(draw, "as calibrated", machine, wear.machine, same))
+    each = float(getattr(healthy.units[healthy.unit_in_use], wear.of, 1.0))
+    for time in times.tolist():
+        size = float(law.size(low + time / end * (high - low))) if time >= 0 else 0.0
+        fault = {"fault": wear.fault, "onset_s": 0.0, "size": size / each}
+        given = {**same, "faults": [fault] if size else []}
+        made = scenario(draw, "as calibrated", machine, wear.machine, given)
+        sized.begin()
+        records = (r for r in SimulatedStand(made) if not isinstance(r, Truth))
+        for record in diagnosed(in_blocks(records), make_observer(stand)):
+            if isinstance(record, (Residual, ResidualBlock)):
+                sized.add(record)
+        found = [row for row in sized.sizes() if row.of.name == wear.size]
+        rows += [
+            {"time": time, "truth": size, "size": row.size, "own": row.error.own,
+             "from_unit": row.error.from_unit}
+            for row in found
+        ]  # fmt: skip
+    kind = f"{wear.machine}: {wear.fault}"
+    return {"kind": kind, "law": law.name, "limit": limit, "end": end, "rows": rows}
+
+
+def life_of(unit: dict[str, Any]) -> Life:
+    """A unit as it was measured."""
+
+    def series(rows: Sequence[dict[str, Any]]) -> SizeSeries:
+        errors = [SizeError(row["own"], tuple(row["from_unit"])) for row in rows]
+        return SizeSeries.of([r["time"] for r in rows], [r["size"] for r in rows], errors)
+
+    new = [row for row in unit["rows"] if row["time"] < 0]
+    worn = [row for row in unit["rows"] if row["time"] >= 0]
+    return Life(unit["kind"], unit["law"], unit["limit"], unit["end"], series(new), series(worn))
+
+
+def drawn(number: int, own: float, shared: float, seed: int) -> Life:
+    """A unit whose sizes are drawn; own and shared errors in shares of the limit."""
+    draw, law = np.random.default_rng((seed, 100, number)), LAWS[number % len(LAWS)]
+    end, unit = float(draw.uniform(0.8, 1.0)) * DRAWN, float(draw.normal())
+    low, high = law.straight(draw.uniform(*BEGINS)), law.straight(1.0)
+    times = np.arange(-NEW, int(end) + 1)
+    sizes = np.where(times < 0, 0.0, law.size(low + np.maximum(times, 0) / end * (high - low)))
+    found = sizes + own * draw.normal(size=len(times)) + shared * unit
+    every = SizeSeries.of(times.tolist(), found.tolist(), [SizeError(own, (shared,))] * len(times))
+    return Life("drawn", law.name, 1.0, end, every.part(slice(NEW)), every.part(slice(NEW, None)))
+
+
+def foretold(life: Life, laws: Sequence[GrowthLaw] = LAWS) -> tuple[list[Foretold], float | None]:
+    """Forecasts after each recording from which on growth was shown, and when that was."""
+    worn, made, shown = against_new(life.worn, life.new), [], None
+    for count in range(2, len(worn) + 1):
+        so_far = worn.part(slice(count))
+        if shown is None and trend(so_far).direction != "grows":
+            continue
+        time = float(so_far.times[-1])
+        shown = time if shown is None else shown
+        found = forecast(so_far, laws)
+        if found is not None and time < life.end:
+            quantiles = found.quantiles(found.crossing_s(life.limit), SHARES)
+            made.append(Foretold(time, *quantiles))
+    return made, shown
+
+
+def by_progpy(life: Life, seed: int, until: int) -> Foretold:
+    """The forecast of progpy's unscented Kalman filter after so many recordings, told the law."""
+    from progpy import PrognosticsModel
+    from progpy.predictors import MonteCarlo
+    from progpy.state_estimators import UnscentedKalmanFilter
+    from progpy.uncertain_data import MultivariateNormalDist
+
+    np.random.seed(seed)  # noqa: NPY002 (progpy draws from the generator of the process)
+    law = next(law for law in LAWS if law.name == life.law)
+    worn = against_new(life.worn, life.new).part(slice(until))
+    limit, own = life.limit, float(np.median(worn.own))
+
+    class Growth(PrognosticsModel):  # type: ignore[misc]
+        states, outputs, events = ["size", "rate"], ["size"], ["limit"]
+        default_parameters = {  # noqa: RUF012 (as progpy asks for it)
+            "x0": {"size": 0.0, "rate": 0.0}, "process_noise": 0.0,
+        }  # fmt: skip
+
+        def dx(self, x: Any, _u: Any) -> Any:
+            grown = x["rate"] * np.maximum(x["size"], 1e-6 * limit) ** law.power
+            return self.StateContainer({"size": grown, "rate": 0.0 * x["rate"]})
+
+        def output(self, x: Any) -> Any:
+            return self.OutputContainer({"size": x["size"]})
+
+        def event_state(self, x: Any) -> Any:
+            return {"limit": 1.0 - x["size"] / limit}
+
+        def threshold_met(self, x: Any) -> Any:
+            return {"limit": x["size"] >= limit}
+
+    model = Growth(measurement_noise={"size": own}, process_noise={"size": 0.1 * own, "rate": 0.0})
+    first = max(float(worn.sizes[0]), own)
+    rate = (
+        max(float(worn.sizes[-1] - worn.sizes[0]), own) / float(worn.times[-1]) / limit**law.power
+    )
+    start = MultivariateNormalDist(
+        ["size", "rate"], [first, rate], np.diag([own**2, rate**2])
+    )  # fmt: skip
+    known = UnscentedKalmanFilter(model, start)
+    for time, size in zip(worn.times[1:].tolist(), worn.sizes[1:].tolist(), strict=True):
+        known.estimate(time, model.InputContainer({}), model.OutputContainer({"size": size}))
+    made_at = float(worn.times[-1])
+    result = MonteCarlo(model).predict(
+        known.x, lambda _t, _x=None: model.InputContainer({}), t0=made_at, dt=0.5,
+        n_samples=50, horizon=3.0 * DRAWN, events=["limit"],
+    )  # fmt: skip
+    ends = [e["limit"] for e in result.time_of_event]
+    times = np.array([np.inf if end is None else end for end in ends], dtype=float)
+    return Foretold(made_at, *np.quantile(times, SHARES, method="inverted_cdf").tolist())
+
+
+def scored(lives: Sequence[Life], name: str, known_law: bool = False) -> list[Figure]:
+    """Shares of the units, and of all forecasts."""
+    right, covered, every, horizons, shown_at, lates = 0, 0, [], [], [], []
+    for number, life in enumerate(lives):
+        laws = [law for law in LAWS if law.name == life.law] if known_law else LAWS
+        made, shown = foretold(life, laws)
+        half = None if shown is None else at_lambda(made, shown, life.end, HALF)
+        good = half is not None and half.is_within(life.end, ALPHA)
+        right += good
+        covered += half is not None and half.covers(life.end)
+        every += [each.covers(life.end) for each in made]
+        horizons.append(horizon_s(made, life.end, ALPHA, life.end) / life.end)
+        shown_at.append(np.inf if shown is None else shown / life.end)
+        if not good:
+            said = "none" if half is None else f"{half.median_s:.1f} after {half.made_s:g}"
+            lates.append(f"{number} {life.law}: {said}, end {life.end:.1f}")
+    n = len(lives)
+    print(f"{name}: missed {'; '.join(lates) or 'none'}", flush=True)
+    return [
+        share(f"{name}: alpha {ALPHA:g} at lambda {HALF:g}", right, n),
+        share(f"{name}: end within 90 % at lambda {HALF:g}", covered, n),
+        share(f"{name}: end within 90 %, all forecasts", sum(every), len(every)),
+        Figure(f"{name}: horizon, median", 100.0 * float(np.median(horizons)), "% of life", n),
+        Figure(f"{name}: growth shown at, median", 100.0 * float(np.median(shown_at)), "% of life",
+               n),
+    ]  # fmt: skip
+
+
+def third_recording(own: float, shared: float, seed: int, count: int) -> list[Figure]:
+    """Growth in steps of two own errors, and none: whether it is shown by the third recording."""
+    draw = np.random.default_rng((seed, 200))
+    found = []
+    for step in (2.0, 0.0):
+        grows = 0
+        for _ in range(count):
+            unit = shared * float(draw.normal())
+            sizes = own * (step * np.arange(3) + draw.normal(size=3)) + unit
+            series = SizeSeries.of([0.0, 1.0, 2.0], sizes.tolist(), [SizeError(own, (shared,))] * 3)
+            grows += trend(series).direction == "grows"
+        found.append(
+            share(f"growth shown by the third, steps of {step:g} own errors", grows, count)
+        )
+    return found
+
+
+def beside(lives: Sequence[Life], seed: int) -> list[Figure]:
+    """Ours and progpy's forecasts at lambda one half of the same units, both told the law."""
+    right, covered = np.zeros(2, dtype=int), np.zeros(2, dtype=int)
+    for number, life in enumerate(lives):
+        made, shown = foretold(life, [law for law in LAWS if law.name == life.law])
+        ours = None if shown is None else at_lambda(made, shown, life.end, HALF)
+        if ours is None:
+            continue
+        theirs = by_progpy(life, seed + number, 1 + int(ours.made_s))
+        for place, each in enumerate((ours, theirs)):
+            right[place] += each.is_within(life.end, ALPHA)
+            covered[place] += each.covers(life.end)
+    return [
+        share(f"{who}, told the law: {what}", int(of[place]), len(lives))
+        for place, who in enumerate(("flea_diag", "progpy"))
+        for what, of in ((f"alpha {ALPHA:g} at lambda {HALF:g}", right), ("within 90 %", covered))
+    ]
+
+
+def main() -> int:
+    """Measure, or score and print."""
+    parser = bench_parser(__doc__)
+    parser.add_argument("what", choices=("measure", "score"))
+    parser.add_argument("sizes", type=Path, help="file of the measured sizes")
+    parser.add_argument("--units", type=int, default=8, help="of each kind of wear")
+    parser.add_argument("--drawn", type=int, default=100, help="units whose sizes are drawn")
+    parser.add_argument("--seed", type=int, default=SCORED_SEED)
+    arguments = parser.parse_args()
+    if arguments.what == "measure":
+        units = []
+        for number in range(arguments.units):
+            for wear in WEARS:
+                units.append(measured(wear, number, arguments.seed))
+                arguments.sizes.write_text(json.dumps(units), encoding="utf-8")
+                print(f"{units[-1]['kind']}, unit {number}", flush=True)
+        return 0
+    lives = [life_of(unit) for unit in json.loads(arguments.sizes.read_text(encoding="utf-8"))]
+    figures: list[Figure] = []
+    for kind in dict.fromkeys(life.kind for life in lives):
+        figures += scored([life for life in lives if life.kind == kind], kind)
+    figures += scored(lives, "simulated")
+    own = float(np.median(np.concatenate([life.worn.own / life.limit for life in lives])))
+    shared = float(np.median([
+        np.hypot.reduce(life.worn.from_unit, axis=1).max() / life.limit for life in lives
+    ]))  # fmt: skip
+    print(f"errors in shares of the limit, medians: own {own:.4f}, of the unit {shared:.4f}")
+    made = [drawn(number, own, shared, arguments.seed) for number in range(arguments.drawn)]
+    figures += scored(made, "drawn") + scored(made, "drawn, law known", known_law=True)
+    figures += third_recording(own, shared, arguments.seed, 1000)
+    try:
+        figures += beside(made, arguments.seed)
+    except ImportError:
+        print("progpy is not installed: no comparison")
+    for figure in figures:
+        print(f"{figure.name}: {figure.value:.1f} {figure.unit} of {figure.n}")
+    write_summary("bench/robustness/remaining_life.py", figures, arguments.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
