@@ -17,14 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
+from flea_diag.core.isolation.fault_pairs import members
 from flea_diag.core.isolation.isolation import Isolation
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.stages.isolator.pairs.second_fault import SecondFault
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Symbols
 
 CONCLUSIVE_S = 0.5
@@ -55,6 +57,7 @@ class FaultEpisode:
     settled: bool = False
     evaluated: int = 0
     resumed: bool = False
+    second: SecondFault = field(default_factory=SecondFault)
 
     def group(self) -> dict[str, float]:
         """Faults still possible, each with its probability."""
@@ -63,6 +66,11 @@ class FaultEpisode:
     def names(self) -> tuple[str, ...]:
         """Faults still possible, the most probable first."""
         return tuple(h.name for h in self.isolation.alive())
+
+    def said(self) -> tuple[str, ...]:
+        """Names of the verdict: of the faults still possible, or of the pairs."""
+        pairs = self.second.pairs
+        return tuple(members(pairs)) if pairs else self.names()
 
     def magnitudes(self) -> dict[str, str]:
         """Magnitude symbol of every residual that has deviated."""

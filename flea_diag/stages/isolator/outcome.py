@@ -21,7 +21,6 @@ without an episode, are the data usable and is the actuator observable.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from itertools import takewhile
 
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
 from flea_diag.core.isolation.isolation import Hypothesis
@@ -119,6 +118,8 @@ class OutcomeRules:
         what = f" ({episode.shared.opened_by})"
         if episode.awaits_symbols:
             return Outcome.DETECTED, _awaited(episode.shared)
+        if episode.second.pairs:
+            return Outcome.INDISTINGUISHABLE, episode.second.words(stand.start_ns)
         if not alive:
             return Outcome.UNEXPLAINED, f"no fault of the catalogue explains the deviation{what}"
         if not episode.settled or episode.query.is_open(stamp_ns, self._patience_ns):
@@ -150,10 +151,10 @@ class OutcomeRules:
 
     def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
         """Relations that the most likely hypothesis does not fit, if no other fits either."""
-        evidence = episode.evidence.equations
-        each = (self._fit.misfits(evidence, h.fault, h.fit) if h.fit else () for h in alive)
-        left = list(takewhile(bool, each))
-        return left[0] if len(left) == len(alive) else ()
+        left = self._fit.left_by_all(
+            episode.evidence.equations.now, ((h.fault, h.fit) for h in alive)
+        )
+        return left or episode.second.misfits
 
     def _quiet(self, stamp_ns: int, stand: StandStatus) -> Decision:
         bad = [channel for channel in self._residuals.required if channel in stand.bad]

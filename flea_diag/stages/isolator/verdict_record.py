@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -30,13 +29,13 @@ from flea_diag.core.isolation.detectability import (
     unseen_by_limits,
     without_relation,
 )
-from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.errors import shown
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
+from flea_diag.stages.isolator.pairs.candidates import candidates
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.judgement.fault_tests import tests_of_faults
@@ -45,9 +44,8 @@ from flea_diag.wire.records import (
     NEVER_NS,
     STREAM,
     AmbiguityGroup,
-    Candidate,
     ChannelQuality,
-    Evidence,
+    FaultPair,
     NextTest,
     Outcome,
 )
@@ -125,15 +123,16 @@ class VerdictRecord:
         outcome, words = self.outcome(stamp_ns, stand, episode)
         if episode is None:
             return self._without_episode(stamp_ns, outcome, words + _remarks(stand, None), stand)
-        shared, isolation = episode.shared, episode.isolation
+        shared = episode.shared
+        members, dropped, response = candidates(episode, self._models)
         return AmbiguityGroup(
             stamp_ns=stamp_ns,
             outcome=outcome,
             episode=shared.number,
             step=episode.step,
             seq=0,
-            members=tuple(_candidate(h, self._models) for h in isolation.alive()),
-            dropped=tuple(_candidate(h, self._models) for h in isolation.dropped()),
+            members=members,
+            dropped=dropped,
             detected_stamp_ns=shared.detected_ns,
             words=words + _remarks(stand, episode),
             calibration_sha256=self._k.calibration_sha256,
@@ -147,7 +146,8 @@ class VerdictRecord:
             counters=stand.counters,
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
-            to_do=to_do([h.fault.response for h in isolation.alive()]),
+            to_do=to_do(response),
+            pairs=tuple(FaultPair(*p.faults, p.probability) for p in episode.second.pairs),
             shows_from=self._shows_from,
         )
 
@@ -299,31 +299,3 @@ def _returned(stand: StandStatus, episode: FaultEpisode | None) -> str:
     if episode is not None and episode.shared.taken_over:
         words += ", thermal residuals disabled until reset; only ~/reset ends this episode"
     return words
-
-
-def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
-    size, sigma, unit = _size(hypothesis, models)
-    return Candidate(
-        hypothesis.name,
-        hypothesis.fault.deviation,
-        hypothesis.probability if not hypothesis.why_dropped else 0.0,
-        hypothesis.why_dropped or hypothesis.why_kept,
-        tuple(
-            Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
-            for c in hypothesis.checks
-        ),
-        size,
-        sigma,
-        unit,
-    )
-
-
-def _size(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> tuple[float, float, str]:
-    """Size, standard error and unit by the best fit; NaN where there is none."""
-    if hypothesis.fit is None:
-        return math.nan, math.nan, ""
-    sizes = hypothesis.fit.sizes
-    model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == len(sizes))
-    # The first size that is not 0: a drag may be purely viscous.
-    index = next((k for k, value in enumerate(sizes) if value), 0)
-    return sizes[index], hypothesis.fit.sigmas[index], model.sizes[index].unit
