@@ -27,12 +27,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
-from flea_diag.core.isolation.pair_gains import pair_gains, together
+from flea_diag.core.isolation.pair_gains import pair_gains
+from flea_diag.core.isolation.pair_models import PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -75,6 +76,8 @@ class Clues:
         Of each fault that is possible the deviations that it predicts.
     seen
         All deviations.
+    weighed
+        Those of relations, whose size is weighed; the tests of single sensors speak for themselves.
     firsts
         Faults of which one is the first; empty: any.
     is_possible
@@ -83,6 +86,7 @@ class Clues:
 
     predicted: Mapping[str, frozenset[str]]
     seen: frozenset[str]
+    weighed: frozenset[str]
     firsts: Collection[str]
     is_possible: Callable[[Fault, Fit], bool]
 
@@ -98,9 +102,12 @@ class Clues:
         """Whether two faults predict all that was seen."""
         return self.predicted[one] | self.predicted[other] >= self.seen
 
-    def lacks(self, without: str) -> bool:
-        """Whether this fault alone leaves a deviation unpredicted."""
-        return not self.predicted[without] >= self.seen
+    def least(self, without: str) -> float:
+        """Nats that the other must add to this one, for what this one does not predict."""
+        left = self.seen - self.predicted[without]
+        if left - self.weighed:
+            return -math.inf
+        return SEEN_NATS if left else math.inf
 
 
 class FaultPairs:
@@ -125,11 +132,12 @@ class FaultPairs:
         ``only`` these pairs are asked for, if any are given.
         """
         pairs = [p for p in only or clues.ordered() if clues.cover(*p)]
+        both = PairModels(self._faults, models, later)
         joined = [
             (pair, one, other, together(one, other))
-            for pair, best in _best(sums, pairs, models, later, weighing)
-            for one in _alike(models[pair[0]], best[0])
-            for other in _alike(later[pair[1]], best[1])
+            for pair, best in _best(sums, pairs, both, weighing)
+            for one in _alike(both.of(pair)[0], best[0])
+            for other in _alike(both.of(pair)[1], best[1])
         ]
         if not joined:
             return ()
@@ -216,19 +224,16 @@ class FaultPairs:
 def _best(
     sums: EvidenceSums,
     pairs: Sequence[tuple[str, str]],
-    models: Mapping[str, Sequence[FaultModel]],
-    later: Mapping[str, Sequence[FaultModel]],
+    both: PairModels,
     weighing: Weighing,
 ) -> list[tuple[tuple[str, str], tuple[FaultModel, FaultModel]]]:
     """The best pairs of faults by their gains, each with its best models."""
     columns: list[FaultModel] = []
-    first = {name: _numbers(columns, models[name]) for name in dict.fromkeys(a for a, _ in pairs)}
-    second = {name: _numbers(columns, later[name]) for name in dict.fromkeys(b for _, b in pairs)}
+    numbers: dict[int, list[int]] = {}
     whose = {
         (one, other): pair
         for pair in pairs
-        for one in first[pair[0]]
-        for other in second[pair[1]]
+        for one, other in product(*(_numbers(columns, m, numbers) for m in both.of(pair)))
         if columns[one].sizes or columns[other].sizes
     }
     if not whose:
@@ -246,14 +251,18 @@ def _alike(models: Sequence[FaultModel], best: FaultModel) -> list[FaultModel]:
     return [m for m in models if m.terms == best.terms and m.sizes == best.sizes]
 
 
-def _numbers(columns: list[FaultModel], models: Sequence[FaultModel]) -> list[int]:
-    """Numbers of the models that differ in more than their roughness, added to ``columns``."""
-    start, known = len(columns), set()
-    for model in models:
-        if (key := (model.terms, model.sizes)) not in known:
-            known.add(key)
-            columns.append(model)
-    return list(range(start, len(columns)))
+def _numbers(
+    columns: list[FaultModel], models: Sequence[FaultModel], numbers: dict[int, list[int]]
+) -> list[int]:
+    """Numbers of the models that differ in more than their roughness, new ones in ``columns``."""
+    if id(models) not in numbers:
+        start, known = len(columns), set()
+        for model in models:
+            if (key := (model.terms, model.sizes)) not in known:
+                known.add(key)
+                columns.append(model)
+        numbers[id(models)] = list(range(start, len(columns)))
+    return numbers[id(models)]
 
 
 def _members(row: tuple[Fit, FaultModel, FaultModel]) -> tuple[Fit, Fit]:
@@ -276,13 +285,10 @@ def _is_needed(
 ) -> bool:
     """Whether neither member would do without the other."""
     _, *models = row
-    for model, without in zip(models, reversed(models), strict=True):
-        least = SECOND_NATS + INEXACT * max(nats, 0.0)
-        if clues.lacks(without.fault):
-            least = SEEN_NATS if model.sizes else -math.inf
-        if nats - alone[without.fault] < least:
-            return False
-    return True
+    price = SECOND_NATS + INEXACT * max(nats, 0.0)
+    return all(
+        nats - alone[without.fault] >= min(price, clues.least(without.fault)) for without in models
+    )
 
 
 def weighed(pairs: Sequence[FaultPair]) -> tuple[FaultPair, ...]:

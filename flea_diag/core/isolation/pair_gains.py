@@ -31,7 +31,7 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.bounded_systems import scaled
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
-from flea_diag.core.likelihood.fault_models import FaultModel, Term
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.weighing import Weighing
 
 Array = npt.NDArray[np.float64]
@@ -146,28 +146,3 @@ def _design(
             column = size + basis.differences.index(own.difference)
             design[rows[own.residual], basis.column[own.regressor], column] += own.gain
     return design
-
-
-def together(one: FaultModel, other: FaultModel) -> FaultModel:
-    """Both faults as one model: the sizes of the first, then those of the second."""
-    count = len(one.sizes)
-    moved = (Term(t.residual, t.regressor, t.gain, t.index + count) for t in other.terms)
-    return FaultModel(
-        f"{one.fault} and {other.fault}",
-        one.sizes + other.sizes,
-        (*one.terms, *moved),
-        max(one.roughness, other.roughness),
-    )
-
-
-def delayed(model: FaultModel, elapsed: str, one: str, after_s: float) -> FaultModel:
-    """The same fault, whose time counts from so long after the detection.
-
-    ``elapsed`` and ``one`` name the basis signals of that time and of a constant.
-    """
-    later = tuple(
-        Term(t.residual, one, -t.gain * after_s, t.index)
-        for t in model.terms
-        if t.regressor == elapsed
-    )
-    return FaultModel(model.fault, model.sizes, model.terms + later, model.roughness)

@@ -16,12 +16,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.isolation.fault_pairs import members
-from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.core.isolation.isolation import Hypothesis, Isolation
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
@@ -129,6 +129,17 @@ class FaultEpisode:
     def awaits_symbols(self) -> bool:
         """Whether an innovation has detected, and no relation has deviated yet."""
         return not self.symbols and not self.settled
+
+    def gains_less(
+        self, nats: float, quantified: Collection[str], alive: Sequence[Hypothesis]
+    ) -> bool:
+        """Whether no quantified hypothesis explains the residuals by so much better than none."""
+        deviating = {self.residuals.relation(name) for name, _, _ in self.symbols}
+        if not deviating or not deviating <= set(quantified):
+            return False
+        if any(h.fit is None for h in alive) or self.evidence.mostly_stands:
+            return False
+        return max(h.log_likelihood for h in alive) < nats
 
     def is_conclusive(self) -> bool:
         """Whether likelihoods may drop faults.

@@ -142,12 +142,7 @@ class OutcomeRules:
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
         """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""
-        deviating = {self._residuals.relation(name) for name, _, _ in episode.symbols}
-        if not deviating or not deviating <= self._quantified:
-            return False
-        if any(h.fit is None for h in alive) or episode.evidence.mostly_stands:
-            return False
-        return max(h.log_likelihood for h in alive) < self._explain_nats
+        return episode.gains_less(self._explain_nats, self._quantified, alive)
 
     def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
         """Relations that the most likely hypothesis does not fit, if no other fits either."""

@@ -23,7 +23,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.fault_pairs import Clues, FaultPairs
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.missing_jump import JumpMemory, missing_jump
-from flea_diag.core.isolation.pair_gains import delayed
+from flea_diag.core.isolation.pair_models import delayed
 from flea_diag.core.likelihood.effect_set import name_of
 from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.estimation import fitted
@@ -95,8 +95,7 @@ class SecondFaultSearch:
         second.misfits = ()
         if not alive:
             return True
-        weighs = not episode.evidence.mostly_stands and all(h.fit for h in alive)
-        if weighs and max(h.log_likelihood for h in alive) < self._explain_nats:
+        if episode.gains_less(self._explain_nats, self._quantitative.names, alive):
             return True
         if self._goodness.left_by_all(sums, ((h.fault, h.fit) for h in alive)):
             return True
@@ -200,4 +199,6 @@ class SecondFaultSearch:
         def is_possible(fault: Fault, fit: Fit) -> bool:
             return fault.name in firsts or not missing_jump(fault, fit, jumps)
 
-        return Clues(predicted, isolation.seen, firsts, is_possible)
+        relation, known = episode.residuals.relation, self._quantitative.names
+        weighed = frozenset(name for name in isolation.seen if relation(name) in known)
+        return Clues(predicted, isolation.seen, weighed, firsts, is_possible)
