@@ -42,9 +42,6 @@ from flea_diag.core.likelihood.weighing import Weighing
 
 SECOND_NATS = 10.0
 """Price of a second fault: in one of 20 000 episodes another comes up within the same minutes."""
-INEXACT = 0.01
-"""Share of what a pair explains that a member must add besides: no model of the other is exact to
-10 % of its effect, which makes 1 % of its likelihood ratio."""
 SEEN_NATS = 3.0
 """What it must add where a deviation asks for it that the other does not predict."""
 MOST_FITTED = 24
@@ -110,6 +107,14 @@ class Clues:
         return SEEN_NATS if left else math.inf
 
 
+@dataclass(frozen=True, slots=True)
+class Alone:
+    """What one fault explains by itself, and whether it leaves a misfit."""
+
+    nats: float
+    is_poor: bool
+
+
 class FaultPairs:
     """Finds pairs of faults of one catalogue."""
 
@@ -169,11 +174,14 @@ class FaultPairs:
             for pair, row in possible.items()
             if most - row[0].log_likelihood <= drop_nats + KNOWN**2 * max(most, 0.0)
         }
-        together_nats, alone = self._alone(sums, near, models, weighing)
+        nats, alone = self._alone(sums, near, models, weighing)
         held = [
-            FaultPair(pair, _members(row), together_nats[pair])
+            FaultPair(pair, _members(row), nats[pair])
             for pair, row in near.items()
-            if self._fits(sums, pair, row) and _is_needed(row, together_nats[pair], alone, clues)
+            if self._fits(sums, pair, row)
+            and all(
+                nats[pair] - alone[name].nats >= self._price(name, alone, clues) for name in pair
+            )
         ]
         if not held or len(held) > MOST_HELD:
             return ()
@@ -208,17 +216,23 @@ class FaultPairs:
         near: Mapping[tuple[str, str], tuple[Fit, FaultModel, FaultModel]],
         models: Mapping[str, Sequence[FaultModel]],
         weighing: Weighing,
-    ) -> tuple[dict[tuple[str, str], float], dict[str, float]]:
+    ) -> tuple[dict[tuple[str, str], float], dict[str, Alone]]:
         """What each pair explains and what each member does alone, in the same weights."""
         names = dict.fromkeys(name for pair in near for name in pair)
         singles = [model for name in names for model in models[name] if model.sizes]
         joined = [together(one, other) for _, one, other in near.values()]
         fits = fitted(sums, [*joined, *singles], weighing, once=True)
-        found = dict.fromkeys(names, 0.0)
+        found = {name: Alone(0.0, is_poor=True) for name in names}
         for fit in fits[len(joined) :]:
-            found[fit.fault] = max(found[fit.fault], fit.log_likelihood)
+            if fit.log_likelihood >= found[fit.fault].nats:
+                is_poor = bool(self._goodness.misfits(sums, self._faults[fit.fault], fit))
+                found[fit.fault] = Alone(fit.log_likelihood, is_poor)
         pairs = zip(near, fits, strict=False)
         return {pair: fit.log_likelihood for pair, fit in pairs}, found
+
+    def _price(self, name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
+        """Nats that another fault must add to this one: no end of them where this one fits."""
+        return min(clues.least(name), SECOND_NATS if alone[name].is_poor else math.inf)
 
 
 def _best(
@@ -275,20 +289,6 @@ def _members(row: tuple[Fit, FaultModel, FaultModel]) -> tuple[Fit, Fit]:
         for name, part in parts
     )
     return first, second
-
-
-def _is_needed(
-    row: tuple[Fit, FaultModel, FaultModel],
-    nats: float,
-    alone: Mapping[str, float],
-    clues: Clues,
-) -> bool:
-    """Whether neither member would do without the other."""
-    _, *models = row
-    price = SECOND_NATS + INEXACT * max(nats, 0.0)
-    return all(
-        nats - alone[without.fault] >= min(price, clues.least(without.fault)) for without in models
-    )
 
 
 def weighed(pairs: Sequence[FaultPair]) -> tuple[FaultPair, ...]:

@@ -15,7 +15,7 @@
 
 """Models of two faults at once: their effects add up, but for what a dead reading hides.
 
-Where a reading is dead the relations that hold it say what it lacks, in terms of the other readings:
+Where a reading is dead the relations that hold it say what it lacks in terms of the others:
 whatever else is wrong, the one is the sum of the others. So no second fault acts on them.
 """
 

@@ -62,10 +62,10 @@ class SecondFault:
     ----------
     looks
         The last looks.
-    explained
-        The last look at which a single fault explained everything; None: none ever has.
     firsts
-        The faults that were left then.
+        The faults that were left when a single one last explained everything; empty: none has.
+    suspected
+        The first look after that.
     start
         Where the evidence of the pairs begins; None: with the episode.
     pairs
@@ -77,8 +77,8 @@ class SecondFault:
     """
 
     looks: deque[Look] = field(default_factory=lambda: deque(maxlen=RECENT_LOOKS))
-    explained: Look | None = None
     firsts: tuple[str, ...] = ()
+    suspected: Look | None = None
     start: Look | None = None
     pairs: tuple[FaultPair, ...] = ()
     misfits: tuple[Misfit, ...] = ()
@@ -87,7 +87,7 @@ class SecondFault:
 
     def explain(self, names: Sequence[str]) -> None:
         """A single fault explains everything so far."""
-        self.explained, self.firsts = self.looks[-1] if self.looks else None, tuple(names)
+        self.firsts, self.suspected = tuple(names), None
         self.waits = self.searches = 0
 
     def is_due(self) -> bool:
@@ -106,4 +106,4 @@ class SecondFault:
         if self.start is None:
             return which + said
         since_s = (self.start.stamp_ns - start_ns) / 1e9
-        return f"{which}{said}; the second since about {since_s:.0f} s after the start"
+        return f"{which}{said}; the second seen from {since_s:.0f} s after the start"

@@ -74,18 +74,21 @@ class SecondFaultSearch:
         if episode.evaluated % LOOK_EVERY or not self._applies(episode):
             return
         sums = episode.evidence.equations.now
+        now = Look(stamp_ns, sums.copy(), episode.evidence.motion)
         if second.pairs:
             self._follow(stamp_ns, episode, sums)
         elif not self._is_suspected(episode, sums):
             second.explain(episode.names())
-        elif second.is_due():
-            self._search(stamp_ns, episode, sums)
-        second.looks.append(Look(stamp_ns, sums.copy(), episode.evidence.motion))
+        else:
+            second.suspected = second.suspected or now
+            if second.is_due():
+                self._search(stamp_ns, episode, sums)
+        second.looks.append(now)
 
     def _applies(self, episode: FaultEpisode) -> bool:
         """Whether relations decide, and not from the start: then the calibration may not fit."""
         shared = episode.shared
-        early = self._stand.is_early(shared.detected_ns) and episode.second.explained is None
+        early = self._stand.is_early(shared.detected_ns) and not episode.second.firsts
         relations = bool(episode.symbols) and not shared.opened_by_vibration
         return episode.settled and relations and not early and not shared.taken_over
 
@@ -120,10 +123,10 @@ class SecondFaultSearch:
         return found
 
     def _search(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
-        """Search in the evidence since a single fault explained all; else in all, then the last."""
+        """Search in the evidence since a single fault explained all; else in all, then of late."""
         second = episode.second
-        if second.explained is not None:
-            starts: list[Look | None] = [second.explained]
+        if second.firsts:
+            starts: list[Look | None] = [second.suspected]
         else:
             starts = [None]
             if second.looks and stamp_ns - episode.shared.detected_ns > RECENT_NS:
@@ -194,7 +197,7 @@ class SecondFaultSearch:
                 isolation.hypotheses[name].fault, symbols, moved, True, followed_s
             )
         }
-        jumps = self._jumps.largest(begin_ns, stamp_ns)
+        jumps = self._jumps.largest(episode.shared.detected_ns, stamp_ns)
 
         def is_possible(fault: Fault, fit: Fit) -> bool:
             return fault.name in firsts or not missing_jump(fault, fit, jumps)
