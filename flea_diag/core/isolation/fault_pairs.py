@@ -180,7 +180,9 @@ class FaultPairs:
             for pair, row in near.items()
             if self._fits(sums, pair, row)
             and all(
-                nats[pair] - alone[name].nats >= self._price(name, alone, clues) for name in pair
+                nats[pair] - alone[name].nats >= _price(name, alone, clues)
+                # Of a first fault that is known nothing need be shown again.
+                for name in (pair[:1] if clues.firsts else pair)
             )
         ]
         if not held or len(held) > MOST_HELD:
@@ -230,9 +232,10 @@ class FaultPairs:
         pairs = zip(near, fits, strict=False)
         return {pair: fit.log_likelihood for pair, fit in pairs}, found
 
-    def _price(self, name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
-        """Nats that another fault must add to this one: no end of them where this one fits."""
-        return min(clues.least(name), SECOND_NATS if alone[name].is_poor else math.inf)
+
+def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
+    """Nats that another fault must add to this one: no end of them where this one fits."""
+    return min(clues.least(name), SECOND_NATS if alone[name].is_poor else math.inf)
 
 
 def _best(

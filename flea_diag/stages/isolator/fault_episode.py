@@ -147,11 +147,16 @@ class FaultEpisode:
         In one direction of motion drag and bias are not isolable, unless the circuit deviates as
         well, which no drag causes.
         """
-        seen = self.magnitudes()
-        relations = {self.residuals.relation(residual) for residual in seen}
-        if self.residuals.friction in relations and self.residuals.circuit not in seen:
+        if self.asks_both_ways:
             return self.evidence.goes_both_ways(BOTH_WAYS_S)
         return self.evidence.lasts(CONCLUSIVE_S)
+
+    @property
+    def asks_both_ways(self) -> bool:
+        """Whether the balance with the friction deviates, and the circuit does not."""
+        seen = self.magnitudes()
+        relations = {self.residuals.relation(residual) for residual in seen}
+        return self.residuals.friction in relations and self.residuals.circuit not in seen
 
     def _is_circuit(self, residual: str) -> bool:
         """Whether this residual is of the relation of the winding."""

@@ -157,7 +157,7 @@ class SecondFaultSearch:
         else:
             sums = sums.since(start.sums)
             both_ways_s, moved = episode.evidence.since(start.motion)
-            enough = both_ways_s >= BOTH_WAYS_S
+            enough = not episode.asks_both_ways or both_ways_s >= BOTH_WAYS_S
         if not enough or stamp_ns - begin_ns < LEAST_NS:
             return False
         clues = self._clues(stamp_ns, episode, begin_ns, moved)
