@@ -112,8 +112,8 @@ class Isolation:
         self._tables, self._sensors = tables, sensors
         self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
         self._seen: dict[str, tuple[str, tuple[Quadrant, ...]]] = {}
-        self.overruled = False
-        """Whether a symbol has contradicted all of a settled group."""
+        self.overruled: set[str] = set()
+        """Residuals that have contradicted all of a settled group."""
 
     def alive(self) -> list[Hypothesis]:
         """Hypotheses still possible, the most probable first, by name where equal."""
@@ -150,7 +150,8 @@ class Isolation:
             (h, *self._judge(h.fault, residual, magnitude, slope, visited)) for h in self.alive()
         ]
         overruled = settled and not any(kept for _, kept, _, _ in judged)
-        self.overruled |= overruled and bool(judged)
+        if overruled and judged:
+            self.overruled.add(residual)
         for hypothesis, fits, signature, words in judged:
             kept = fits or overruled
             if overruled:

@@ -53,9 +53,11 @@ class PairModels:
             return self._beside(one, other, is_second=False), self._second[other]
         return self._first[one], self._second[other]
 
-    def hides(self, pair: Pair) -> bool:
-        """Whether one of both hides the other in every relation."""
-        return any(not model.sizes for models in self.of(pair) for model in models)
+    def beside(self, fault: str, dead: str) -> Sequence[FaultModel]:
+        """Models of a fault beside a dead reading; without sizes where that hides all effects."""
+        if dead not in self._voided:
+            return self._second[fault]
+        return self._beside(fault, dead, is_second=True)
 
     def _beside(self, fault: str, dead: str, is_second: bool) -> list[FaultModel]:
         key = fault, dead, is_second

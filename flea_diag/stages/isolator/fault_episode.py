@@ -88,6 +88,7 @@ class FaultEpisode:
         self.settled = verdict.outcome in SETTLED and not self.shared.taken_over
         self.shared = replace(self.shared, number=verdict.episode)
         self.step, self.resumed = verdict.step + 1, True
+        self.second.resume(verdict.pairs)
         self.isolation.resume({each.fault: each.reason for each in verdict.dropped})
 
     def join(self, detection: Detection) -> None:
@@ -140,6 +141,12 @@ class FaultEpisode:
         if any(h.fit is None for h in alive) or self.evidence.mostly_stands:
             return False
         return max(h.log_likelihood for h in alive) < nats
+
+    def unweighed(self) -> tuple[str, ...]:
+        """Residuals that contradict a settled group, and of which no amount says anything."""
+        sums, relation = self.evidence.equations.now, self.residuals.relation
+        weighed = {n for n, blocks in zip(sums.residuals, sums.blocks, strict=True) if blocks}
+        return tuple(sorted(r for r in self.isolation.overruled if relation(r) not in weighed))
 
     def is_conclusive(self) -> bool:
         """Whether likelihoods may drop faults.

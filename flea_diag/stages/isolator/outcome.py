@@ -91,9 +91,9 @@ class OutcomeRules:
                 f"{words}; present since the start: the calibration does not fit this actuator",
             )
         if early and outcome in NAMING and stand.other_unit is not None:
-            alive = episode.isolation.alive()
-            if self._is_of_unit(alive):
-                names = " or ".join(h.name for h in alive)
+            known = episode.isolation.hypotheses
+            if self._is_of_unit([known[name] for name in episode.said()]):
+                names = " or ".join(episode.said())
                 return (
                     Outcome.MODEL_MISMATCH,
                     f"{stand.other_unit.reason}; present since the start, as {names} would be: "
@@ -138,7 +138,10 @@ class OutcomeRules:
         poor = self._misfits(episode, alive)
         why = (f"{m.residual} keeps {m.scatter:.1f} times its healthy scatter (limit {m.limit:.1f})"
                for m in poor)  # fmt: skip
-        return f": {', '.join(why)}" if poor else None
+        if poor:
+            return f": {', '.join(why)}"
+        beyond = episode.unweighed()
+        return f": {', '.join(beyond)} deviates, as none of them would" if beyond else None
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
         """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""

@@ -34,8 +34,9 @@ from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.errors import shown
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
+from flea_diag.stages.isolator.outcome import NAMING, Decision, OutcomeRules
 from flea_diag.stages.isolator.pairs.candidates import candidates
+from flea_diag.stages.isolator.pairs.masking import Masking
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.judgement.fault_tests import tests_of_faults
@@ -88,6 +89,7 @@ class VerdictRecord:
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
         self._rules = rules or OutcomeRules(knowledge, parameters, self._models, quantified)
+        self._masking = Masking(knowledge, self._models)
         self._advice = Advice(knowledge, parameters, self._models)
 
     def _unseen(self, visible: Sequence[VisibleSize], by_law: bool) -> tuple[tuple[str, str], ...]:
@@ -137,7 +139,7 @@ class VerdictRecord:
             words=words + _remarks(stand, episode),
             calibration_sha256=self._k.calibration_sha256,
             source=self._source,
-            not_observable=self._not_observable(stand),
+            not_observable=self._not_observable(stand) + self._hidden(outcome, stand, episode),
             features_computed=episode.query.computed,
             features_available=self._features_available(stand),
             opened_by=shared.opened_by,
@@ -186,6 +188,17 @@ class VerdictRecord:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
 
+    def _hidden(
+        self, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
+    ) -> tuple[tuple[str, str], ...]:
+        """Faults that could show here, but for what is named."""
+        if outcome not in NAMING:
+            return ()
+        never = {fault for fault, _ in self._not_observable(stand)}
+        named: Sequence[tuple[str, ...]] = [pair.faults for pair in episode.second.pairs]
+        named = named or [(name,) for name in episode.names()]
+        return tuple(row for row in self._masking.hidden(named) if row[0] not in never)
+
     def _not_looked_for(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand can show, but whose tests had nothing to judge."""
         never = {fault for fault, _ in self._not_observable(stand)}
@@ -213,7 +226,8 @@ class VerdictRecord:
 
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
-    assumption = " (single-fault assumption)" if episode is not None else ""
+    single = episode is not None and not episode.second.pairs
+    assumption = " (single-fault assumption)" if single else ""
     start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
     start += RESUMED if episode is not None and episode.resumed else ""
     assumption += _outside(stand) if episode is not None else ""

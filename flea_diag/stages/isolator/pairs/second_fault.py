@@ -34,6 +34,8 @@ import numpy.typing as npt
 from flea_diag.core.isolation.fault_pairs import FaultPair
 from flea_diag.core.isolation.goodness_of_fit import Misfit
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.wire import records as record
 
 Array = npt.NDArray[np.float64]
 
@@ -89,6 +91,18 @@ class SecondFault:
         """A single fault explains everything so far."""
         self.firsts, self.suspected = tuple(names), None
         self.waits = self.searches = 0
+
+    def resume(self, pairs: Sequence[record.FaultPair]) -> None:
+        """Go on from the pairs of the last verdict: their evidence is lost."""
+        self.pairs = tuple(
+            FaultPair(
+                (pair.first, pair.second),
+                (Fit(pair.first, 0.0, ()), Fit(pair.second, 0.0, ())),
+                0.0,
+                pair.probability,
+            )
+            for pair in pairs
+        )
 
     def is_due(self) -> bool:
         """Whether to search now."""

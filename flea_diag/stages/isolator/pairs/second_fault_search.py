@@ -107,7 +107,7 @@ class SecondFaultSearch:
             fits = self._fits(episode, recent, [h.name for h in alive])
             rows = [(h.fault, fits.get(h.name)) for h in alive]
             second.misfits = self._goodness.left_by_all(recent, rows)
-        return bool(second.misfits) or episode.isolation.overruled
+        return bool(second.misfits or episode.isolation.overruled)
 
     def _fits(
         self, episode: FaultEpisode, sums: EvidenceSums, names: Sequence[str]
