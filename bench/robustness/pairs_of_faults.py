@@ -34,11 +34,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from summary import Figure, bench_parser, share, write_summary
 
+from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import knowledge
-from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import Stand, load_stand
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.isolability import isolable

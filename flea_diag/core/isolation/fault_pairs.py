@@ -220,22 +220,41 @@ class FaultPairs:
         weighing: Weighing,
     ) -> tuple[dict[tuple[str, str], float], dict[str, Alone]]:
         """What each pair explains and what each member does alone, in the same weights."""
-        names = dict.fromkeys(name for pair in near for name in pair)
+        names = tuple(dict.fromkeys(name for pair in near for name in pair))
         singles = [model for name in names for model in models[name] if model.sizes]
         joined = [together(one, other) for _, one, other in near.values()]
         fits = fitted(sums, [*joined, *singles], weighing, once=True)
-        found = {name: Alone(0.0, is_poor=True) for name in names}
+        nats = dict.fromkeys(names, 0.0)
         for fit in fits[len(joined) :]:
-            if fit.log_likelihood >= found[fit.fault].nats:
-                is_poor = bool(self._goodness.misfits(sums, self._faults[fit.fault], fit))
-                found[fit.fault] = Alone(fit.log_likelihood, is_poor)
+            nats[fit.fault] = max(nats[fit.fault], fit.log_likelihood)
         pairs = zip(near, fits, strict=False)
-        return {pair: fit.log_likelihood for pair, fit in pairs}, found
+        return (
+            {pair: fit.log_likelihood for pair, fit in pairs},
+            {
+                name: Alone(nats[name], self._is_poor(sums, models[name], weighing))
+                for name in names
+            },
+        )
+
+    def _is_poor(
+        self, sums: EvidenceSums, models: Sequence[FaultModel], weighing: Weighing
+    ) -> bool:
+        """Whether a fault leaves a misfit, in weights that no other fault has told."""
+        known = [model for model in models if model.sizes]
+        if not known:
+            return True
+        best = max(fitted(sums, known, weighing), key=lambda fit: fit.log_likelihood)
+        return bool(self._goodness.misfits(sums, self._faults[best.fault], best))
 
 
 def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
-    """Nats that another fault must add to this one: no end of them where this one fits."""
-    return min(clues.least(name), SECOND_NATS if alone[name].is_poor else math.inf)
+    """Nats that another fault must add to this one: no end of them where this one fits.
+
+    What a first fault left is known from before: since the second has begun, an unlikely unit may
+    explain it as well.
+    """
+    fits = not (alone[name].is_poor or clues.firsts)
+    return min(clues.least(name), math.inf if fits else SECOND_NATS)
 
 
 def _best(
