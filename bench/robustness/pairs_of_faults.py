@@ -34,6 +34,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from summary import Figure, bench_parser, share, write_summary
 
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.component import make_pipeline
@@ -160,3 +161,54 @@ def told(stand: Stand, recorded: list[Record]) -> Told:
     names = tuple(member.fault for member in last.members)
     detected_s = (opened[0] - first_ns) / 1e9 if opened else -1.0
     return Told(last.outcome, names, detected_s, last.words)
+
+
+def judged(pair: Pair) -> tuple[bool, Told]:
+    """Whether each member alone is detected and named, and what both ended with."""
+    stand = known(pair.machine)[0]
+    for k, (name, fault) in enumerate(zip(pair.names, pair.faults, strict=True)):
+        alone = told(stand, records(pair.scenario(k)))
+        if alone.detected_s < fault.onset_s or name not in alone.names:
+            return False, alone
+    return True, told(stand, records(pair.scenario(0, 1)))
+
+
+def figures_of(found: list[tuple[Pair, Told]], kind: str) -> list[Figure]:
+    """Shares of these pairs."""
+    both = sum(each.has_both(pair) for pair, each in found)
+    certain = sum(each.is_certain for _, each in found)
+    return [
+        share(f"{kind}: both in at most {MOST} names", both, len(found)),
+        share(f"{kind}: one name with certainty", certain, len(found)),
+    ]
+
+
+def main() -> int:
+    """Run and print."""
+    parser = bench_parser(__doc__)
+    parser.add_argument("pairs", nargs="?", type=int, default=30, help="of each machine")
+    parser.add_argument("--seed", type=int, default=SCORED_SEED)
+    parser.add_argument("--machine", choices=MACHINES, action="append")
+    arguments = parser.parse_args()
+    found: dict[str, list[tuple[Pair, Told]]] = {"masked": [], "at once": [], "8 s apart": []}
+    for number in range(arguments.pairs):
+        for machine in arguments.machine or MACHINES:
+            seed = arguments.seed + 10 * number + MACHINES.index(machine)
+            apart_s = APART_S * ((seed // 10) % 2)
+            pair = drawn(machine, seed, apart_s)
+            counts, last = judged(pair)
+            kind = "masked" if pair.is_masked else "8 s apart" if apart_s else "at once"
+            if counts:
+                found[kind].append((pair, last))
+            names = ", ".join(last.names) or "-"
+            said = f"{last.outcome.name}: {names}" if counts else "not shown alone"
+            print(f"{machine} {seed} {kind} {' and '.join(pair.names)} | {said}", flush=True)
+    figures = [each for kind, rows in found.items() for each in figures_of(rows, kind)]
+    for figure in figures:
+        print(f"{figure.name}: {figure.value:.1f} % of {figure.n}")
+    write_summary("bench/robustness/pairs_of_faults.py", figures, arguments.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

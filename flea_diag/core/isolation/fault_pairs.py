@@ -228,12 +228,10 @@ class FaultPairs:
         for fit in fits[len(joined) :]:
             nats[fit.fault] = max(nats[fit.fault], fit.log_likelihood)
         pairs = zip(near, fits, strict=False)
+        poor = {name: self._is_poor(sums, models[name], weighing) for name in names}
         return (
             {pair: fit.log_likelihood for pair, fit in pairs},
-            {
-                name: Alone(nats[name], self._is_poor(sums, models[name], weighing))
-                for name in names
-            },
+            {name: Alone(nats[name], poor[name]) for name in names},
         )
 
     def _is_poor(
