@@ -310,7 +310,7 @@ class NextTest:
 
 
 @dataclass(frozen=True, slots=True)
-class FaultPair:
+class TwoFaults:
     """Two faults of the catalogue at once; the first came first, where that is known."""
 
     first: str
@@ -387,7 +387,7 @@ class AmbiguityGroup:
     to_do: tuple[tuple[str, str], ...] = ()
     shows_from: tuple[tuple[str, str], ...] = ()
     looked_for: tuple[str, ...] = ()
-    pairs: tuple[FaultPair, ...] = ()
+    pairs: tuple[TwoFaults, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

@@ -46,7 +46,7 @@ from flea_diag.wire.records import (
     STREAM,
     AmbiguityGroup,
     ChannelQuality,
-    FaultPair,
+    TwoFaults,
     NextTest,
     Outcome,
 )
@@ -149,7 +149,7 @@ class VerdictRecord:
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
             to_do=to_do(response),
-            pairs=tuple(FaultPair(*p.faults, p.probability) for p in episode.second.pairs),
+            pairs=tuple(TwoFaults(*p.faults, p.probability) for p in episode.second.pairs),
             shows_from=self._shows_from,
         )
 

@@ -92,7 +92,7 @@ class SecondFault:
         self.firsts, self.suspected = tuple(names), None
         self.waits = self.searches = 0
 
-    def resume(self, pairs: Sequence[record.FaultPair]) -> None:
+    def resume(self, pairs: Sequence[record.TwoFaults]) -> None:
         """Go on from the pairs of the last verdict: their evidence is lost."""
         self.pairs = tuple(
             FaultPair(
