@@ -46,9 +46,9 @@ from flea_diag.wire.records import (
     STREAM,
     AmbiguityGroup,
     ChannelQuality,
-    TwoFaults,
     NextTest,
     Outcome,
+    TwoFaults,
 )
 
 LATE_S = 2.0
