@@ -114,6 +114,8 @@ class Isolation:
         self._seen: dict[str, tuple[str, tuple[Quadrant, ...]]] = {}
         self.overruled: set[str] = set()
         """Residuals that have contradicted all of a settled group."""
+        self.lacks_jump = False
+        """Whether all that were left fit, and cannot be: then nothing that fits worse may."""
 
     def alive(self) -> list[Hypothesis]:
         """Hypotheses still possible, the most probable first, by name where equal."""
@@ -325,7 +327,8 @@ class Isolation:
         What fits best and cannot be is no evidence for what fits worse: a group is not narrowed.
         """
         missing = [(h, missing_jump(h.fault, h.fit, jumps)) for h in self.alive()]
-        if all(words for _, words in missing):
+        if missing and all(words for _, words in missing):
+            self.lacks_jump = True
             for hypothesis, words in missing:
                 source = hypothesis.fault.channel
                 hypothesis.add(ConsistencyCheck(stamp_ns, source, "0", "", False, words))

@@ -90,6 +90,7 @@ class SecondFaultSearch:
         shared = episode.shared
         early = self._stand.is_early(shared.detected_ns) and not episode.second.firsts
         relations = bool(episode.symbols) and not shared.opened_by_vibration
+        relations = relations and not episode.isolation.lacks_jump
         return episode.settled and relations and not early and not shared.taken_over
 
     def _is_suspected(self, episode: FaultEpisode, sums: EvidenceSums) -> bool:
