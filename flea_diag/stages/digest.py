@@ -54,7 +54,7 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
     AmbiguityGroup: (
         "seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters", "summary",
         "dropped_count", "not_observable_count", "stated_false_alarms_per_hour",
-        "supported_false_alarms_per_hour", "to_do", "shows_from", "looked_for",
+        "supported_false_alarms_per_hour", "to_do", "shows_from", "looked_for", "pairs",
     ),
 }  # fmt: skip
 """Decisions in the rank of their topics -> fields that are not part of the decision."""

@@ -313,6 +313,15 @@ class NextTest:
 
 
 @dataclass(frozen=True, slots=True)
+class TwoFaults:
+    """Two faults of the catalogue at once; the first came first, where that is known."""
+
+    first: str
+    second: str
+    probability: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
 class Hypotheses:
     """Everything that a verdict rests on: all evidence, all faults ruled out, and the advice."""
 
@@ -345,7 +354,9 @@ class AmbiguityGroup:
     ``supported_false_alarms_per_hour`` the bound that the nominal recordings give;
     ``counters`` are the data errors so far, such as ``sensors/slow/lost``; ``shows_from`` is, for
     each fault, the size from which on half of the calibration's recordings would show it;
-    ``looked_for`` are the faults of the catalogue that would have been found in the last 10 s. A
+    ``looked_for`` are the faults of the catalogue that would have been found in the last 10 s.
+    Where one fault explains too little, ``pairs`` are two at once, and the probability of a
+    member is that of being one of both: they add up to 2. A
     ``summary`` names all members, gives the reason for the first of them, and counts what
     ``Hypotheses`` hold besides.
     ``to_do`` is what people do about the members, by the catalogue: ``run`` (stop or go on),
@@ -379,6 +390,7 @@ class AmbiguityGroup:
     to_do: tuple[tuple[str, str], ...] = ()
     shows_from: tuple[tuple[str, str], ...] = ()
     looked_for: tuple[str, ...] = ()
+    pairs: tuple[TwoFaults, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

@@ -32,6 +32,7 @@ from flea_diag.wire.topics import TOPICS, Topic
 PAGE = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
 PARTS = {
     "sensors/channels": (r.ChannelInfo,),
+    "ambiguity_group": (r.TwoFaults,),
     "data_quality": (r.ChannelQuality, r.UnitOffset, r.JudgedTest),
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
@@ -56,6 +57,7 @@ TYPES = {
     tuple[r.NextTest, ...]: "objects",
     tuple[r.UnitOffset, ...]: "objects",
     tuple[r.JudgedTest, ...]: "objects",
+    tuple[r.TwoFaults, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",
     tuple[r.ChannelQuality, ...]: "one status each",
     tuple[r.Symbol, ...]: "one status each",

@@ -28,12 +28,14 @@ reading all is known but the size.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fit import Fit
-from flea_diag.core.likelihood.likelihood import FOLD, NormalEquations
+from flea_diag.core.likelihood.likelihood import FOLD
 
 BLOCK_S = 0.5
 """Shortest time whose mean is held against nominal recordings."""
@@ -85,14 +87,40 @@ class GoodnessOfFit:
         names = [limit.name for limit in calibration.limits]
         self._nominal = {name: MeanScatter.of(calibration, name) for name in names}
 
-    def misfits(self, evidence: NormalEquations, fault: Fault, fit: Fit) -> tuple[Misfit, ...]:
+    def misfits(self, sums: EvidenceSums, fault: Fault, fit: Fit) -> tuple[Misfit, ...]:
         """Relations that this fit of a fault does not explain, the worst first."""
+        share = LEFT_OF_READING if fault.channel else LEFT_OF_PLANT
+        return self._misfits(sums, fit, dict.fromkeys(sums.residuals, share))
+
+    def left_by_all(
+        self, sums: EvidenceSums, fits: Iterable[tuple[Fault, Fit | None]]
+    ) -> tuple[Misfit, ...]:
+        """What the first of several leaves, if no other fits either; one without a fit does."""
         found = []
-        least = (LEFT_OF_READING if fault.channel else LEFT_OF_PLANT) ** 2
-        rows = zip(evidence.residuals, evidence.blocks, evidence.shown, fit.left, strict=True)
+        for fault, fit in fits:
+            misfits = self.misfits(sums, fault, fit) if fit else ()
+            if not misfits:
+                return ()
+            found.append(misfits)
+        return found[0] if found else ()
+
+    def misfits_of_two(
+        self, sums: EvidenceSums, fit: Fit, plant: Collection[str]
+    ) -> tuple[Misfit, ...]:
+        """The same of two faults; ``plant`` are the relations that one of the plant moves."""
+        shares = {
+            name: LEFT_OF_PLANT if name in plant else LEFT_OF_READING for name in sums.residuals
+        }
+        return self._misfits(sums, fit, shares)
+
+    def _misfits(
+        self, sums: EvidenceSums, fit: Fit, shares: Mapping[str, float]
+    ) -> tuple[Misfit, ...]:
+        found = []
+        rows = zip(sums.residuals, sums.blocks, sums.means[:, 0, 0], fit.left, strict=True)
         for name, blocks, shown, left in rows:
             nominal = self._nominal.get(name)
-            if nominal is None or not blocks or left < least * shown:
+            if nominal is None or blocks < 1.0 or left < shares[name] ** 2 * shown:
                 continue
             scatter = math.sqrt(left / (blocks * nominal.square))
             if scatter > nominal.k:

@@ -111,6 +111,11 @@ class Isolation:
     ) -> None:
         self._tables, self._sensors = tables, sensors
         self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
+        self._seen: dict[str, tuple[str, tuple[Quadrant, ...]]] = {}
+        self.overruled: set[str] = set()
+        """Residuals that have contradicted all of a settled group."""
+        self.lacks_jump = False
+        """Whether all that were left fit, and cannot be: then nothing that fits worse may."""
 
     def alive(self) -> list[Hypothesis]:
         """Hypotheses still possible, the most probable first, by name where equal."""
@@ -142,10 +147,13 @@ class Isolation:
         to model error: it is recorded and rejects none.
         """
         visited = tuple(quadrants)
+        self._seen[residual] = magnitude, visited
         judged = [
             (h, *self._judge(h.fault, residual, magnitude, slope, visited)) for h in self.alive()
         ]
         overruled = settled and not any(kept for _, kept, _, _ in judged)
+        if overruled and judged:
+            self.overruled.add(residual)
         for hypothesis, fits, signature, words in judged:
             kept = fits or overruled
             if overruled:
@@ -180,6 +188,25 @@ class Isolation:
             if signature.affected:
                 last = signature, verdict.reason
         return False, *last
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """Residuals that have deviated."""
+        return frozenset(self._seen)
+
+    def predicted(self) -> dict[str, frozenset[str]]:
+        """Of each fault, ruled out or not, those of ``seen`` that deviate as it predicts.
+
+        By magnitude alone: where two faults act on one residual, its slope is that of neither.
+        """
+        return {
+            name: frozenset(
+                residual
+                for residual, (magnitude, visited) in self._seen.items()
+                if self._judge(h.fault, residual, magnitude, "?", visited)[0]
+            )
+            for name, h in self.hypotheses.items()
+        }
 
     def _predictions(
         self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
@@ -218,27 +245,38 @@ class Isolation:
         ``followed_s``: time since then.
         """
         for hypothesis in self.alive():
-            fault = hypothesis.fault
-            shown_s = self._sensors.death_s.get(fault.channel, 0.0)
-            unseen = fault.channel in self._sensors.death_unseen or followed_s < shown_s
-            if fault.mode == "dead" and unseen:
-                continue
-            defining = DEFINED_BY.get(fault.mode, ())
-            tests = [f"{fault.channel}_{test}" for test, _ in defining]
-            source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
-            if fault.mode == "dead" and fault.channel in self._sensors.motion:
-                # A channel whose reading still follows the motion is not dead.
-                source, words = fault.channel, f"{fault.channel} still follows the motion"
-                ruled_out = fault.channel in moved
-            else:
-                words = f"{fault.channel} shows no symptom of {fault.mode}"
-                wanted = [symbol for _, symbol in defining]
-                timely = settled or self._shows_at_once(fault, symbols)
-                ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
-            if ruled_out:
-                found = ConsistencyCheck(stamp_ns, source, "".join(seen[:1]), "", False, words)
-                hypothesis.add(found)
+            absent = self.absent(hypothesis.fault, symbols, moved, settled, followed_s)
+            if absent is not None:
+                source, seen, words = absent
+                hypothesis.add(ConsistencyCheck(stamp_ns, source, seen, "", False, words))
         self.normalise()
+
+    def absent(
+        self,
+        fault: Fault,
+        symbols: Mapping[str, str],
+        moved: Collection[str],
+        settled: bool = True,
+        followed_s: float = math.inf,
+    ) -> tuple[str, str, str] | None:
+        """Source, symbol and words of what defines a fault and is absent; as of ``require``."""
+        shown_s = self._sensors.death_s.get(fault.channel, 0.0)
+        unseen = fault.channel in self._sensors.death_unseen or followed_s < shown_s
+        if fault.mode == "dead" and unseen:
+            return None
+        defining = DEFINED_BY.get(fault.mode, ())
+        tests = [f"{fault.channel}_{test}" for test, _ in defining]
+        source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
+        if fault.mode == "dead" and fault.channel in self._sensors.motion:
+            # A channel whose reading still follows the motion is not dead.
+            source, words = fault.channel, f"{fault.channel} still follows the motion"
+            ruled_out = fault.channel in moved
+        else:
+            words = f"{fault.channel} shows no symptom of {fault.mode}"
+            wanted = [symbol for _, symbol in defining]
+            timely = settled or self._shows_at_once(fault, symbols)
+            ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
+        return (source, "".join(seen[:1]), words) if ruled_out else None
 
     def _shows_at_once(self, fault: Fault, symbols: Collection[str]) -> bool:
         """Whether the sensor's own test responds first: neither its jump nor a twin has deviated.
@@ -289,7 +327,8 @@ class Isolation:
         What fits best and cannot be is no evidence for what fits worse: a group is not narrowed.
         """
         missing = [(h, missing_jump(h.fault, h.fit, jumps)) for h in self.alive()]
-        if all(words for _, words in missing):
+        if missing and all(words for _, words in missing):
+            self.lacks_jump = True
             for hypothesis, words in missing:
                 source = hypothesis.fault.channel
                 hypothesis.add(ConsistencyCheck(stamp_ns, source, "0", "", False, words))

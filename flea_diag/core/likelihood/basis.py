@@ -103,8 +103,7 @@ class Designs(NamedTuple):
     own: Array
 
 
-@lru_cache(maxsize=256)
-def designs_of(
+def designs_made(
     models: tuple[FaultModel | None, ...], residuals: tuple[str, ...], basis: Basis
 ) -> Designs:
     """Designs of models of equal numbers of sizes; None is the model without a fault."""
@@ -115,6 +114,10 @@ def designs_of(
     every = np.array([[_design(t, name, count, basis) for name in residuals] for t in distinct])
     entered = np.flatnonzero(every.any(axis=(0, 2, 3)))
     return Designs(places, every, entered, every[:, entered])
+
+
+designs_of = lru_cache(maxsize=256)(designs_made)
+"""The same, remembered: for models that are fitted again and again."""
 
 
 def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:

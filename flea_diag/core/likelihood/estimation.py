@@ -20,7 +20,7 @@ the weight of its residual, scatter of a fault's own effect that of what it move
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,29 +32,18 @@ from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit, Solution
 from flea_diag.core.likelihood.model_stack import ModelStack
+from flea_diag.core.likelihood.weighing import Weighing
 from flea_diag.core.residuals.unit_difference import Unit
 
 Array = npt.NDArray[np.float64]
 
 
 def fitted(
-    sums: EvidenceSums,
-    models: Sequence[FaultModel],
-    sigma: Mapping[str, float],
-    correlation: Mapping[str, float],
-    tolerance: Sequence[float],
-    baseline: EvidenceSums | None,
-    baseline_residuals: Collection[str],
+    sums: EvidenceSums, models: Sequence[FaultModel], known: Weighing, once: bool = False
 ) -> tuple[Fit, ...]:
-    """Fits of all ``models``, in their order; parameters as of ``NormalEquations.fit``."""
-    spacing = np.array([correlation[name] for name in sums.residuals])
-    weight = 1.0 / (spacing * np.square([sigma[name] for name in sums.residuals]))
-    unit = Unit.of(tolerance)
-    if baseline is not None:
-        known = weight * [name in baseline_residuals for name in sums.residuals]
-        shown = baseline.stack((None,)).systems(known, Unit.unknown(len(tolerance)))
-        unit = unit.shown(shown.A[0], shown.b[0])
-    stacks = [sums.stack(alike) for alike in _of_equal_size(models)]
+    """Fits of all ``models``, in their order; ``once``: of models that are soon forgotten."""
+    spacing, weight, unit = known.spacing, known.weight, known.unit
+    stacks = [sums.stack(alike, once) for alike in _of_equal_size(models)]
     systems = [stack.systems(weight, unit) for stack in stacks]
     dispersion = _dispersion(sums, spacing, stacks, systems, weight)
     if (dispersion != 1.0).any():

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.basis import Basis, designs_of
+from flea_diag.core.likelihood.basis import Basis, designs_made, designs_of
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.model_stack import ModelStack
 
@@ -89,9 +89,19 @@ class EvidenceSums:
         for sums, added in zip(self._all, other._all, strict=True):
             sums += times * added
 
-    def stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
-        """Models of equal numbers of sizes, on the sums so far."""
-        designs = designs_of(tuple(models), self.residuals, self.basis)
+    def copy(self) -> EvidenceSums:
+        """The sums as they are now."""
+        return EvidenceSums(self.residuals, self.basis, *(sums.copy() for sums in self._all))
+
+    def since(self, earlier: EvidenceSums) -> EvidenceSums:
+        """Sums over the samples that have come since."""
+        pairs = zip(self._all, earlier._all, strict=True)
+        return EvidenceSums(self.residuals, self.basis, *(now - then for now, then in pairs))
+
+    def stack(self, models: Sequence[FaultModel | None], once: bool = False) -> ModelStack:
+        """Models of equal numbers of sizes, on the sums so far; ``once``: soon forgotten ones."""
+        made = designs_made if once else designs_of
+        designs = made(tuple(models), self.residuals, self.basis)
         moments = np.matmul(self.gram[designs.entered], designs.own)
         return ModelStack(models, designs, moments, self.cross[designs.entered, :, None])
 

@@ -42,6 +42,7 @@ from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.weighing import weighing_of
 
 Array = npt.NDArray[np.float64]
 
@@ -152,6 +153,12 @@ class NormalEquations:
         self._fold()
         return self.sums.means[:, 0, 0]
 
+    @property
+    def now(self) -> EvidenceSums:
+        """All sums so far."""
+        self._fold()
+        return self.sums
+
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
         """Expected evidence after a planned window in which ``model`` is present.
 
@@ -200,4 +207,5 @@ class NormalEquations:
         """
         self._fold()
         known = None if baseline is None else baseline.sums
-        return fitted(self.sums, models, sigma, correlation, tolerance, known, baseline_residuals)
+        weighing = weighing_of(self.sums, sigma, correlation, tolerance, known, baseline_residuals)
+        return fitted(self.sums, models, weighing)

@@ -143,6 +143,19 @@ class EpisodeEvidence:
         """Whether as many were in motion in each direction."""
         return min(self._out, self._back) >= self._counts.of(time_s)
 
+    @property
+    def motion(self) -> Array:
+        """Scans in each direction of motion, and in motion by each channel of it, so far."""
+        return np.array([self._out, self._back, *self._moved], dtype=float)
+
+    def since(self, motion: Array) -> tuple[float, tuple[str, ...]]:
+        """Time in the rarer direction since ``motion`` was that, and what has moved since."""
+        out, back, *moved = self.motion - motion
+        channels = zip(self._speeds, moved, strict=True)
+        least = self._counts.of(MOVED_S)
+        seconds = min(out, back) * self._counts.period_s
+        return seconds, tuple(channel for channel, samples in channels if samples >= least)
+
     def moved_channels(self) -> tuple[str, ...]:
         """Channels whose reading has moved since the detection."""
         pairs = zip(self._speeds, self._moved, strict=True)

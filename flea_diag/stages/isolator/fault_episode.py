@@ -16,15 +16,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
-from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.core.isolation.fault_pairs import members
+from flea_diag.core.isolation.isolation import Hypothesis, Isolation
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.stages.isolator.pairs.second_fault import SecondFault
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Symbols
 
 CONCLUSIVE_S = 0.5
@@ -55,6 +57,7 @@ class FaultEpisode:
     settled: bool = False
     evaluated: int = 0
     resumed: bool = False
+    second: SecondFault = field(default_factory=SecondFault)
 
     def group(self) -> dict[str, float]:
         """Faults still possible, each with its probability."""
@@ -63,6 +66,11 @@ class FaultEpisode:
     def names(self) -> tuple[str, ...]:
         """Faults still possible, the most probable first."""
         return tuple(h.name for h in self.isolation.alive())
+
+    def said(self) -> tuple[str, ...]:
+        """Names of the verdict: of the faults still possible, or of the pairs."""
+        pairs = self.second.pairs
+        return tuple(members(pairs)) if pairs else self.names()
 
     def magnitudes(self) -> dict[str, str]:
         """Magnitude symbol of every residual that has deviated."""
@@ -80,6 +88,7 @@ class FaultEpisode:
         self.settled = verdict.outcome in SETTLED and not self.shared.taken_over
         self.shared = replace(self.shared, number=verdict.episode)
         self.step, self.resumed = verdict.step + 1, True
+        self.second.resume(verdict.pairs)
         self.isolation.resume({each.fault: each.reason for each in verdict.dropped})
 
     def join(self, detection: Detection) -> None:
@@ -122,17 +131,39 @@ class FaultEpisode:
         """Whether an innovation has detected, and no relation has deviated yet."""
         return not self.symbols and not self.settled
 
+    def gains_less(
+        self, nats: float, quantified: Collection[str], alive: Sequence[Hypothesis]
+    ) -> bool:
+        """Whether no quantified hypothesis explains the residuals by so much better than none."""
+        deviating = {self.residuals.relation(name) for name, _, _ in self.symbols}
+        if not deviating or not deviating <= set(quantified):
+            return False
+        if any(h.fit is None for h in alive) or self.evidence.mostly_stands:
+            return False
+        return max(h.log_likelihood for h in alive) < nats
+
+    def unweighed(self) -> tuple[str, ...]:
+        """Residuals that contradict a settled group, and of which no amount says anything."""
+        sums, relation = self.evidence.equations.now, self.residuals.relation
+        weighed = {n for n, blocks in zip(sums.residuals, sums.blocks, strict=True) if blocks}
+        return tuple(sorted(r for r in self.isolation.overruled if relation(r) not in weighed))
+
     def is_conclusive(self) -> bool:
         """Whether likelihoods may drop faults.
 
         In one direction of motion drag and bias are not isolable, unless the circuit deviates as
         well, which no drag causes.
         """
-        seen = self.magnitudes()
-        relations = {self.residuals.relation(residual) for residual in seen}
-        if self.residuals.friction in relations and self.residuals.circuit not in seen:
+        if self.asks_both_ways:
             return self.evidence.goes_both_ways(BOTH_WAYS_S)
         return self.evidence.lasts(CONCLUSIVE_S)
+
+    @property
+    def asks_both_ways(self) -> bool:
+        """Whether the balance with the friction deviates, and the circuit does not."""
+        seen = self.magnitudes()
+        relations = {self.residuals.relation(residual) for residual in seen}
+        return self.residuals.friction in relations and self.residuals.circuit not in seen
 
     def _is_circuit(self, residual: str) -> bool:
         """Whether this residual is of the relation of the winding."""

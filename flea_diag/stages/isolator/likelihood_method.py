@@ -31,6 +31,7 @@ from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_S, FaultEpisode
 from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.stages.isolator.pairs.second_fault_search import SecondFaultSearch
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus
@@ -52,8 +53,10 @@ class EpisodeEvaluation:
         parameters: IsolatorParameters,
         stand: StandStatus,
         jumps: JumpMemory,
+        second: SecondFaultSearch,
     ) -> None:
         self._quantitative = quantitative
+        self._second = second
         self._jumps = jumps
         self._p = parameters
         self._stand = stand
@@ -77,6 +80,8 @@ class EpisodeEvaluation:
                 stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(),
                 episode.settled, followed_s,
             )  # fmt: skip
+        if self._p.likelihood:
+            self._second.look(stamp_ns, episode)
 
     def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
         fits = self._quantitative.fits(episode)
@@ -142,7 +147,10 @@ class LikelihoodMethod:
         self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         effects, counts = knowledge.effects, knowledge.calibration.counts
         self._jumps = JumpMemory(effects.names, effects.readings, counts)
-        self._evaluation = EpisodeEvaluation(self._quantitative, parameters, stand, self._jumps)
+        second = SecondFaultSearch(knowledge, parameters, self._quantitative, stand, self._jumps)
+        self._evaluation = EpisodeEvaluation(
+            self._quantitative, parameters, stand, self._jumps, second
+        )
 
     def begin(self, shared: Episode) -> FaultEpisode:
         """A new episode; scans from now on are not part of the baseline."""

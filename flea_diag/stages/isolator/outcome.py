@@ -21,7 +21,6 @@ without an episode, are the data usable and is the actuator observable.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from itertools import takewhile
 
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
 from flea_diag.core.isolation.isolation import Hypothesis
@@ -102,9 +101,9 @@ class OutcomeRules:
                 f"{words}; present since the start: the calibration does not fit this actuator",
             )
         if early and outcome in NAMING and stand.other_unit is not None:
-            alive = episode.isolation.alive()
-            if self._is_of_unit(alive):
-                names = " or ".join(h.name for h in alive)
+            known = episode.isolation.hypotheses
+            if self._is_of_unit([known[name] for name in episode.said()]):
+                names = " or ".join(episode.said())
                 return (
                     Outcome.MODEL_MISMATCH,
                     f"{stand.other_unit.reason}; present since the start, as {names} would be: "
@@ -139,6 +138,8 @@ class OutcomeRules:
         what = f" ({episode.shared.opened_by})"
         if episode.awaits_symbols:
             return Outcome.DETECTED, _awaited(episode.shared)
+        if episode.second.pairs:
+            return Outcome.INDISTINGUISHABLE, episode.second.words(stand.start_ns)
         if not alive:
             return Outcome.UNEXPLAINED, f"no fault of the catalogue explains the deviation{what}"
         if not episode.settled or episode.query.is_open(stamp_ns, self._patience_ns):
@@ -157,23 +158,21 @@ class OutcomeRules:
         poor = self._misfits(episode, alive)
         why = (f"{m.residual} keeps {m.scatter:.1f} times its healthy scatter (limit {m.limit:.1f})"
                for m in poor)  # fmt: skip
-        return f": {', '.join(why)}" if poor else None
+        if poor:
+            return f": {', '.join(why)}"
+        beyond = episode.unweighed()
+        return f": {', '.join(beyond)} deviates, as none of them would" if beyond else None
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
         """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""
-        deviating = {self._residuals.relation(name) for name, _, _ in episode.symbols}
-        if not deviating or not deviating <= self._quantified:
-            return False
-        if any(h.fit is None for h in alive) or episode.evidence.mostly_stands:
-            return False
-        return max(h.log_likelihood for h in alive) < self._explain_nats
+        return episode.gains_less(self._explain_nats, self._quantified, alive)
 
     def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
         """Relations that the most likely hypothesis does not fit, if no other fits either."""
-        evidence = episode.evidence.equations
-        each = (self._fit.misfits(evidence, h.fault, h.fit) if h.fit else () for h in alive)
-        left = list(takewhile(bool, each))
-        return left[0] if len(left) == len(alive) else ()
+        left = self._fit.left_by_all(
+            episode.evidence.equations.now, ((h.fault, h.fit) for h in alive)
+        )
+        return left or episode.second.misfits
 
     def _quiet(self, stamp_ns: int, stand: StandStatus) -> Decision:
         bad = [channel for channel in self._residuals.required if channel in stand.bad]

@@ -58,7 +58,7 @@ class IsolatorOutput:
             self._requests.give_up(stamp_ns, episode)
         outcome, _ = self._verdict.outcome(stamp_ns, self._stand, episode)
         number = episode.shared.number if episode is not None else 0
-        names = episode.names() if episode is not None else ()
+        names = episode.said() if episode is not None else ()
         stand = self._stand
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()

@@ -23,9 +23,12 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.isolation.weights import Weights
 from flea_diag.core.likelihood.basis import signals_of
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.estimation import fitted
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
+from flea_diag.core.likelihood.weighing import Weighing, weighing_of
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
@@ -116,29 +119,34 @@ class QuantitativeIsolation:
         return values, block.regressors[:, : len(self.basis.names)]
 
     def fits(self, episode: FaultEpisode) -> tuple[Fit, ...]:
-        """Fits of the remaining faults to the evidence of an episode; none without evidence.
-
-        The mechanical baseline is used only where it was learned without the fault: a shift of the
-        mechanical relation opened the episode, or vibration deviates and no relation does.
-        """
+        """Fits of the remaining faults to the evidence of an episode; none without evidence."""
         alive = set(episode.names())
-        vibration_only, shared = episode.is_vibration_only, episode.shared
+        vibration_only = episode.is_vibration_only
         known = self._of_vibration if vibration_only else self.models
         models = [model for model in known if model.fault in alive]
         if not (models and (episode.symbols or vibration_only) and episode.evidence.scans):
             return ()
-        baseline = self._baseline.evidence
+        sums = episode.evidence.equations.now
+        return fitted(sums, models, self.weighing(episode, sums))
+
+    def weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
+        """What evidence of an episode weighs.
+
+        The mechanical baseline is used only where it was learned without the fault: a shift of the
+        mechanical relation opened the episode, or vibration deviates and no relation does.
+        """
+        shared, baseline = episode.shared, self._baseline.evidence
         mechanical_shift = (
             bool(shared.opening_shift)
             and episode.residuals.relation(shared.opening_shift) == self._friction
             and not shared.opened_by_vibration
         )
-        own = baseline is not None and (mechanical_shift or vibration_only)
-        return episode.evidence.equations.fit(
-            models,
+        own = baseline is not None and (mechanical_shift or episode.is_vibration_only)
+        return weighing_of(
+            sums,
             self.weights.own_sigma if own else self.weights.sigma,
             self.weights.correlation,
             self.weights.tolerances,
-            baseline,
+            None if baseline is None else baseline.sums,
             self._before_shift if own else self._baseline_residuals,
         )

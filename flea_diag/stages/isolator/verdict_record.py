@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -32,13 +31,14 @@ from flea_diag.core.isolation.detectability import (
     unseen_by_limits,
     without_relation,
 )
-from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.errors import shown
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
-from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
+from flea_diag.stages.isolator.outcome import NAMING, Decision, OutcomeRules
+from flea_diag.stages.isolator.pairs.candidates import FittedSizes, candidates
+from flea_diag.stages.isolator.pairs.masking import Masking
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.judgement.fault_tests import tests_of_faults
@@ -47,11 +47,10 @@ from flea_diag.wire.records import (
     NEVER_NS,
     STREAM,
     AmbiguityGroup,
-    Candidate,
     ChannelQuality,
-    Evidence,
     NextTest,
     Outcome,
+    TwoFaults,
 )
 
 LATE_S = 2.0
@@ -77,9 +76,9 @@ class VerdictRecord:
         run_share: Sequence[float] = (),
     ) -> None:
         self._k = knowledge
-        self._run_share = np.array(run_share)
         self._source = parameters.source
         self._models = tuple(models)
+        self._sizes = FittedSizes(self._models, np.array(run_share))
         faults, calibration = knowledge.faults, knowledge.calibration
         self._without_relation = without_relation(faults, self._models, calibration)
         visible = by_law or (calibration.law.visible if calibration.law else ())
@@ -94,6 +93,7 @@ class VerdictRecord:
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
         self._rules = rules or OutcomeRules(knowledge, parameters, self._models, quantified)
+        self._masking = Masking(knowledge, self._models)
         self._advice = Advice(knowledge, parameters, self._models)
 
     def _unseen(self, visible: Sequence[VisibleSize], by_law: bool) -> tuple[tuple[str, str], ...]:
@@ -129,20 +129,21 @@ class VerdictRecord:
         outcome, words = self.outcome(stamp_ns, stand, episode)
         if episode is None or stand.wired_wrong:
             return self._without_episode(stamp_ns, outcome, words + _remarks(stand, None), stand)
-        shared, isolation = episode.shared, episode.isolation
+        shared = episode.shared
+        members, dropped, response = candidates(episode, self._sizes)
         return AmbiguityGroup(
             stamp_ns=stamp_ns,
             outcome=outcome,
             episode=shared.number,
             step=episode.step,
             seq=0,
-            members=tuple(map(self._candidate, isolation.alive())),
-            dropped=tuple(map(self._candidate, isolation.dropped())),
+            members=members,
+            dropped=dropped,
             detected_stamp_ns=shared.detected_ns,
             words=words + _remarks(stand, episode),
             calibration_sha256=self._k.calibration_sha256,
             source=self._source,
-            not_observable=self._not_observable(stand),
+            not_observable=self._not_observable(stand) + self._hidden(outcome, stand, episode),
             features_computed=episode.query.computed,
             features_available=self._features_available(stand),
             opened_by=shared.opened_by,
@@ -151,7 +152,8 @@ class VerdictRecord:
             counters=stand.counters,
             stated_false_alarms_per_hour=self._stated_per_hour,
             supported_false_alarms_per_hour=self._supported_per_hour,
-            to_do=to_do([h.fault.response for h in isolation.alive()]),
+            to_do=to_do(response),
+            pairs=tuple(TwoFaults(*p.faults, p.probability) for p in episode.second.pairs),
             shows_from=self._shows_from,
         )
 
@@ -190,37 +192,16 @@ class VerdictRecord:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
 
-    def _candidate(self, hypothesis: Hypothesis) -> Candidate:
-        size, sigma, unit, own = self._size(hypothesis)
-        return Candidate(
-            hypothesis.name,
-            hypothesis.fault.deviation,
-            hypothesis.probability if not hypothesis.why_dropped else 0.0,
-            hypothesis.why_dropped or hypothesis.why_kept,
-            tuple(
-                Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
-                for c in hypothesis.checks
-            ),
-            size,
-            sigma,
-            unit,
-            own,
-        )
-
-    def _size(self, hypothesis: Hypothesis) -> tuple[float, float, str, float]:
-        """Size, standard error, unit and own error by the best fit; NaN where there is none."""
-        fit = hypothesis.fit
-        if fit is None:
-            return math.nan, math.nan, "", math.nan
-        sizes = fit.sizes
-        model = next(
-            m for m in self._models if m.fault == hypothesis.name and len(m.sizes) == len(sizes)
-        )
-        # The first size that is not 0: a drag may be purely viscous.
-        index = next((k for k, value in enumerate(sizes) if value), 0)
-        errors = fit.errors(self._run_share) if len(self._run_share) else ()
-        own = errors[index].own if errors else math.nan
-        return sizes[index], fit.sigmas[index], model.sizes[index].unit, own
+    def _hidden(
+        self, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
+    ) -> tuple[tuple[str, str], ...]:
+        """Faults that could show here, but for what is named."""
+        if outcome not in NAMING:
+            return ()
+        never = {fault for fault, _ in self._not_observable(stand)}
+        named: Sequence[tuple[str, ...]] = [pair.faults for pair in episode.second.pairs]
+        named = named or [(name,) for name in episode.names()]
+        return tuple(row for row in self._masking.hidden(named) if row[0] not in never)
 
     def _not_looked_for(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand can show, but whose tests had nothing to judge."""
@@ -249,7 +230,8 @@ class VerdictRecord:
 
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
-    assumption = " (single-fault assumption)" if episode is not None else ""
+    single = episode is not None and not episode.second.pairs
+    assumption = " (single-fault assumption)" if single else ""
     start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
     start += RESUMED if episode is not None and episode.resumed else ""
     assumption += _outside(stand) if episode is not None else ""

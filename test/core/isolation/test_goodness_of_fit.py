@@ -76,7 +76,7 @@ def fitted(known: NormalEquations, model: FaultModel) -> Fit:
 
 def misfits(known: NormalEquations, model: FaultModel, fault: str = "jam") -> tuple[Misfit, ...]:
     faults = stands.knowledge().faults
-    return GoodnessOfFit(CALIBRATION).misfits(known, faults[fault], fitted(known, model))
+    return GoodnessOfFit(CALIBRATION).misfits(known.now, faults[fault], fitted(known, model))
 
 
 def poor(

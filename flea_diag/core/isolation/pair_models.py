@@ -1,0 +1,98 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Models of two faults at once: their effects add up, but for what a dead reading hides.
+
+Where a reading is dead the relations that hold it say what it lacks in terms of the others:
+whatever else is wrong, the one is the sum of the others. So no second fault acts on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.likelihood.fault_models import FaultModel, Term
+
+Models = Mapping[str, Sequence[FaultModel]]
+Pair = tuple[str, str]
+
+
+class PairModels:
+    """Models of each fault as the first and as the second of a pair."""
+
+    def __init__(self, faults: Mapping[str, Fault], first: Models, second: Models) -> None:
+        self._first, self._second = first, second
+        self._voided = {
+            name: frozenset(term.residual for model in models for term in model.terms)
+            for name, models in first.items()
+            # Of a single temperature nothing tells the truth: its death is no more than a bias.
+            if faults[name].mode == "dead" and any(len(model.sizes) > 1 for model in models)
+        }
+        self._hidden: dict[tuple[str, str, bool], list[FaultModel]] = {}
+
+    def of(self, pair: Pair) -> tuple[Sequence[FaultModel], Sequence[FaultModel]]:
+        """Models of both, without effects that the other one hides."""
+        one, other = pair
+        if one in self._voided:
+            return self._first[one], self._beside(other, one, is_second=True)
+        if other in self._voided:
+            return self._beside(one, other, is_second=False), self._second[other]
+        return self._first[one], self._second[other]
+
+    def beside(self, fault: str, dead: str) -> Sequence[FaultModel]:
+        """Models of a fault beside a dead reading; without sizes where that hides all effects."""
+        if dead not in self._voided:
+            return self._second[fault]
+        return self._beside(fault, dead, is_second=True)
+
+    def _beside(self, fault: str, dead: str, is_second: bool) -> list[FaultModel]:
+        key = fault, dead, is_second
+        if key not in self._hidden:
+            models = (self._second if is_second else self._first)[fault]
+            self._hidden[key] = [_without(model, self._voided[dead]) for model in models]
+        return self._hidden[key]
+
+
+def _without(model: FaultModel, residuals: frozenset[str]) -> FaultModel:
+    """The model in all other relations."""
+    terms = tuple(term for term in model.terms if term.residual not in residuals)
+    return replace(model, terms=terms) if terms else FaultModel(model.fault, (), ())
+
+
+def together(one: FaultModel, other: FaultModel) -> FaultModel:
+    """Both faults as one model: the sizes of the first, then those of the second."""
+    count = len(one.sizes)
+    moved = (Term(t.residual, t.regressor, t.gain, t.index + count) for t in other.terms)
+    return FaultModel(
+        f"{one.fault} and {other.fault}",
+        one.sizes + other.sizes,
+        (*one.terms, *moved),
+        max(one.roughness, other.roughness),
+    )
+
+
+def delayed(model: FaultModel, elapsed: str, one: str, after_s: float) -> FaultModel:
+    """The same fault, whose time counts from so long after the detection.
+
+    ``elapsed`` and ``one`` name the basis signals of that time and of a constant.
+    """
+    later = tuple(
+        Term(t.residual, one, -t.gain * after_s, t.index)
+        for t in model.terms
+        if t.regressor == elapsed
+    )
+    return replace(model, terms=model.terms + later)

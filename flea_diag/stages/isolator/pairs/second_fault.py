@@ -1,0 +1,123 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A second fault in an episode: whether one is suspected, since when, and which pairs explain both.
+
+Suspected where no single fault is left, where those that are left leave a misfit, in the whole
+episode or in its last seconds, and where a symbol contradicts a settled group. Nothing is searched
+otherwise: an episode that one fault explains costs one fit of its last seconds every two.
+
+A fault that begins later is in a part of the evidence only. So the sums of the episode are kept as
+they were every two seconds; their difference is the evidence since, in which both are throughout.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.isolation.fault_pairs import FaultPair
+from flea_diag.core.isolation.goodness_of_fit import Misfit
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.wire import records as record
+
+Array = npt.NDArray[np.float64]
+
+LOOK_EVERY = 4
+"""Evaluations from one look to the next."""
+RECENT_LOOKS = 3
+"""Looks that the last seconds go back by: 6 s, in which a motion goes both ways."""
+MOST_WAITED = 4
+"""Most looks from one search to the next: the evidence grows by less and less of itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Sums of an episode, and scans in motion, as they were when."""
+
+    stamp_ns: int
+    sums: EvidenceSums
+    motion: Array
+
+
+@dataclass
+class SecondFault:
+    """What is known of a second fault in an episode.
+
+    Attributes
+    ----------
+    looks
+        The last looks.
+    firsts
+        The faults that were left when a single one last explained everything; empty: none has.
+    suspected
+        The first look after that.
+    start
+        Where the evidence of the pairs begins; None: with the episode.
+    pairs
+        Pairs that explain it.
+    misfits
+        What a single fault leaves of the last seconds.
+    waits, searches
+        Looks until the next search, and searches so far.
+    """
+
+    looks: deque[Look] = field(default_factory=lambda: deque(maxlen=RECENT_LOOKS))
+    firsts: tuple[str, ...] = ()
+    suspected: Look | None = None
+    start: Look | None = None
+    pairs: tuple[FaultPair, ...] = ()
+    misfits: tuple[Misfit, ...] = ()
+    waits: int = 0
+    searches: int = 0
+
+    def explain(self, names: Sequence[str]) -> None:
+        """A single fault explains everything so far."""
+        self.firsts, self.suspected = tuple(names), None
+        self.waits = self.searches = 0
+
+    def resume(self, pairs: Sequence[record.TwoFaults]) -> None:
+        """Go on from the pairs of the last verdict: their evidence is lost."""
+        self.pairs = tuple(
+            FaultPair(
+                (pair.first, pair.second),
+                (Fit(pair.first, 0.0, ()), Fit(pair.second, 0.0, ())),
+                0.0,
+                pair.probability,
+            )
+            for pair in pairs
+        )
+
+    def is_due(self) -> bool:
+        """Whether to search now."""
+        self.waits -= 1
+        if self.waits > 0:
+            return False
+        self.waits = min(1 + self.searches // 2, MOST_WAITED)
+        self.searches += 1
+        return True
+
+    def words(self, start_ns: int) -> str:
+        """Which two faults there are, and since when the second, from the start of the stand."""
+        said = "; ".join(" and ".join(pair.faults) for pair in self.pairs)
+        which = "two faults: " if len(self.pairs) == 1 else "two faults, one of these pairs: "
+        if self.start is None:
+            return which + said
+        since_s = (self.start.stamp_ns - start_ns) / 1e9
+        return f"{which}{said}; the second seen from {since_s:.0f} s after the start"

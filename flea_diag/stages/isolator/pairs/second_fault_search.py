@@ -1,0 +1,208 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Looks for a second fault in the episode of a first: when to search, in what evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.isolation.fault_pairs import Clues, FaultPairs
+from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
+from flea_diag.core.isolation.missing_jump import JumpMemory, missing_jump
+from flea_diag.core.isolation.pair_models import delayed
+from flea_diag.core.likelihood.effect_set import name_of
+from flea_diag.core.likelihood.effects import ELAPSED
+from flea_diag.core.likelihood.estimation import fitted
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.symbolic.expression import ONE
+from flea_diag.stages.isolator.fault_episode import BOTH_WAYS_S, FaultEpisode
+from flea_diag.stages.isolator.pairs.second_fault import LOOK_EVERY, Look
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.isolator.stand_status import StandStatus
+
+Models = Mapping[str, Sequence[FaultModel]]
+
+LEAST_NS = 4_000_000_000
+"""Evidence of both faults before pairs are searched."""
+RECENT_NS = 10_000_000_000
+"""Age of an episode from which on the second fault may have begun within it, though no single one
+ever explained it."""
+
+
+class SecondFaultSearch:
+    """Finds second faults in episodes of one stand."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        quantitative: QuantitativeIsolation,
+        stand: StandStatus,
+        jumps: JumpMemory,
+    ) -> None:
+        self._quantitative, self._stand, self._jumps = quantitative, stand, jumps
+        self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
+        self._goodness = GoodnessOfFit(knowledge.calibration)
+        self._pairs = FaultPairs(knowledge.faults, self._goodness)
+        self._models: dict[str, list[FaultModel]] = {name: [] for name in knowledge.faults}
+        for model in quantitative.models:
+            self._models[model.fault].append(model)
+        for name, models in self._models.items():
+            if not models:
+                models.append(FaultModel(name, (), ()))
+
+    def look(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """Look at an episode every two seconds."""
+        second = episode.second
+        if episode.evaluated % LOOK_EVERY or not self._applies(episode):
+            return
+        sums = episode.evidence.equations.now
+        now = Look(stamp_ns, sums.copy(), episode.evidence.motion)
+        if second.pairs:
+            self._follow(stamp_ns, episode, sums)
+        elif not self._is_suspected(episode, sums):
+            second.explain(episode.names())
+        else:
+            second.suspected = second.suspected or now
+            if second.is_due():
+                self._search(stamp_ns, episode, sums)
+        second.looks.append(now)
+
+    def _applies(self, episode: FaultEpisode) -> bool:
+        """Whether relations decide, and not from the start: then the calibration may not fit."""
+        shared = episode.shared
+        early = self._stand.is_early(shared.detected_ns) and not episode.second.firsts
+        relations = bool(episode.symbols) and not shared.opened_by_vibration
+        relations = relations and not episode.isolation.lacks_jump
+        return episode.settled and relations and not early and not shared.taken_over
+
+    def _is_suspected(self, episode: FaultEpisode, sums: EvidenceSums) -> bool:
+        """Whether no single fault explains everything."""
+        second, alive = episode.second, episode.isolation.alive()
+        second.misfits = ()
+        if not alive:
+            return True
+        if episode.gains_less(self._explain_nats, self._quantitative.names, alive):
+            return True
+        if self._goodness.left_by_all(sums, ((h.fault, h.fit) for h in alive)):
+            return True
+        if len(second.looks) == second.looks.maxlen:
+            recent = sums.since(second.looks[0].sums)
+            fits = self._fits(episode, recent, [h.name for h in alive])
+            rows = [(h.fault, fits.get(h.name)) for h in alive]
+            second.misfits = self._goodness.left_by_all(recent, rows)
+        return bool(second.misfits or episode.isolation.overruled)
+
+    def _fits(
+        self, episode: FaultEpisode, sums: EvidenceSums, names: Sequence[str]
+    ) -> dict[str, Fit]:
+        """The best fit of each fault alone."""
+        models = [m for name in names for m in self._models[name] if m.sizes]
+        if not models:
+            return {}
+        found: dict[str, Fit] = {}
+        for fit in fitted(sums, models, self._quantitative.weighing(episode, sums)):
+            if fit.log_likelihood >= found.get(fit.fault, fit).log_likelihood:
+                found[fit.fault] = fit
+        return found
+
+    def _search(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
+        """Search in the evidence since a single fault explained all; else in all, then of late."""
+        second = episode.second
+        if second.firsts:
+            starts: list[Look | None] = [second.suspected]
+        else:
+            starts = [None]
+            if second.looks and stamp_ns - episode.shared.detected_ns > RECENT_NS:
+                starts.append(second.looks[0])
+        for start in starts:
+            second.start = start
+            if self._find(stamp_ns, episode, sums, ()):
+                return
+        second.start = None
+
+    def _follow(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
+        """Hold the pairs against what has come since; what is left of them, they shrink."""
+        known = [pair.faults for pair in episode.second.pairs]
+        self._find(stamp_ns, episode, sums, known)
+
+    def _find(
+        self,
+        stamp_ns: int,
+        episode: FaultEpisode,
+        sums: EvidenceSums,
+        only: Sequence[tuple[str, str]],
+    ) -> bool:
+        second, start = episode.second, episode.second.start
+        begin_ns = start.stamp_ns if start else episode.shared.detected_ns
+        if start is None:
+            moved = episode.evidence.moved_channels()
+            enough = episode.is_conclusive()
+        else:
+            sums = sums.since(start.sums)
+            both_ways_s, moved = episode.evidence.since(start.motion)
+            enough = not episode.asks_both_ways or both_ways_s >= BOTH_WAYS_S
+        if not enough or stamp_ns - begin_ns < LEAST_NS:
+            return False
+        clues = self._clues(stamp_ns, episode, begin_ns, moved)
+        second.pairs = self._pairs.search(
+            sums,
+            self._models,
+            self._later((begin_ns - episode.shared.detected_ns) / 1e9),
+            self._quantitative.weighing(episode, sums),
+            clues,
+            self._drop_nats,
+            only,
+        )
+        return bool(second.pairs)
+
+    def _later(self, after_s: float) -> Models:
+        """Models of faults that began with the evidence."""
+        if not after_s:
+            return self._models
+        return {
+            name: [delayed(m, name_of(ELAPSED), name_of(ONE), after_s) for m in models]
+            for name, models in self._models.items()
+        }
+
+    def _clues(
+        self, stamp_ns: int, episode: FaultEpisode, begin_ns: int, moved: Sequence[str]
+    ) -> Clues:
+        """What signs and single sensors say of faults that began then."""
+        isolation, symbols = episode.isolation, episode.magnitudes()
+        firsts = episode.second.firsts if episode.second.start else ()
+        followed_s = (stamp_ns - begin_ns) / 1e9
+        predicted = {
+            name: found
+            for name, found in isolation.predicted().items()
+            if self._models[name][0].sizes or found
+            if name in firsts
+            or not isolation.absent(
+                isolation.hypotheses[name].fault, symbols, moved, True, followed_s
+            )
+        }
+        jumps = self._jumps.largest(episode.shared.detected_ns, stamp_ns)
+
+        def is_possible(fault: Fault, fit: Fit) -> bool:
+            return fault.name in firsts or not missing_jump(fault, fit, jumps)
+
+        relation, known = episode.residuals.relation, self._quantitative.names
+        weighed = frozenset(name for name in isolation.seen if relation(name) in known)
+        return Clues(predicted, isolation.seen, weighed, firsts, is_possible)

@@ -1,0 +1,97 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from support import stands
+from support.models import linear_ema as ema
+
+from flea_diag.wire.messages.codec import decode, encode
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record
+
+FIRST_S, SECOND_S = 10.0, 18.0
+
+
+def wrong(second_s: float, stuck: bool = False) -> list[Record]:
+    """A load cell that reads 60 N too much and, from then on, a winding that reads 15 K too hot."""
+    columns = ema.noisy(ema.run(seconds=34.0), 60)
+    times = 0.01 * np.arange(len(columns["load_force"]))
+    load = columns["load_force"] + 60.0 * (times >= FIRST_S)
+    hot = columns["motor_temperature"] + 15.0 * (times >= second_s)
+    if stuck:
+        load = np.where(times >= FIRST_S, 0.0, load)
+    scans = stands.scans({**columns, "load_force": load, "motor_temperature": hot})
+    return list(stands.replay(stands.pipeline(), [stands.table(), *scans]))
+
+
+@lru_cache(maxsize=2)
+def groups(second_s: float) -> tuple[AmbiguityGroup, ...]:
+    return tuple(stands.of(AmbiguityGroup, wrong(second_s)))
+
+
+@pytest.mark.parametrize("second_s", [FIRST_S, SECOND_S])
+def test_two_faults_are_told_as_two(second_s: float) -> None:
+    last = groups(second_s)[-1]
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert "two faults" in last.words
+    assert "single-fault assumption" not in last.words
+    assert {"load_force_bias", "motor_temperature_bias"} <= stands.members(last)
+    best = last.pairs[0]
+    assert {best.first, best.second} == {"load_force_bias", "motor_temperature_bias"}
+    assert sum(member.probability for member in last.members) == pytest.approx(2.0)
+    sizes = {member.fault: member.size for member in last.members}
+    assert sizes["load_force_bias"] == pytest.approx(60.0, abs=10.0)
+    assert sizes["motor_temperature_bias"] == pytest.approx(15.0, abs=2.0)
+    assert all(candidate.reason for candidate in (*last.members, *last.dropped))
+
+
+def test_a_second_fault_is_told_when_it_comes_and_the_first_is_kept() -> None:
+    said = groups(SECOND_S)
+    alone = [group for group in said if group.outcome is Outcome.ISOLATED]
+    assert {name for group in alone for name in stands.members(group)} == {"load_force_bias"}
+    first = next(group for group in said if group.pairs)
+    assert SECOND_S < (first.stamp_ns - said[0].stamp_ns) / 1e9 < SECOND_S + 10.0
+    assert {pair.first for pair in first.pairs} == {"load_force_bias"}
+    assert "the second seen from" in first.words
+    assert first.episode == alone[0].episode
+
+
+def test_pairs_pass_the_wire() -> None:
+    last = groups(SECOND_S)[-1]
+    (again,) = (decode(AmbiguityGroup, encode(last, "stand")),)
+    assert again.pairs == last.pairs
+
+
+def test_an_isolator_that_comes_back_goes_on_with_both() -> None:
+    last = groups(SECOND_S)[-1]
+    stage = stands.isolator()
+    stage.handle(last)
+    opened = Detection(last.detected_stamp_ns, 1, True, "parity_mechanical", 9.0, 5.0, "mean")
+    said = [*stage.handle(opened), *stage.finish()]
+    (group,) = [record for record in said if isinstance(record, AmbiguityGroup)][-1:]
+    assert group.pairs == last.pairs
+
+
+def test_what_a_dead_reading_hides_is_not_observable() -> None:
+    last = [g for g in stands.of(AmbiguityGroup, wrong(99.0, stuck=True)) if g.members][-1]
+    assert stands.members(last) == {"load_force_dead"}
+    hidden = dict(last.not_observable)
+    assert hidden["jam"].startswith("hidden by load_force_dead")
+    assert "winding_resistance_rise" not in hidden
+    assert "jam" not in last.looked_for
