@@ -59,12 +59,13 @@ class IsolatorOutput:
         outcome, _ = self._verdict.outcome(stamp_ns, self._stand, episode)
         number = episode.shared.number if episode is not None else 0
         names = episode.names() if episode is not None else ()
+        recurs = episode.recurrence if episode is not None else None
         stand = self._stand
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
         conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
         unit = self._verdict.unit(stand) if episode is None else None
-        state = (outcome, number, names, stand.bad, *conditions, unjudged, unit)
+        state = (outcome, number, names, recurs, stand.bad, *conditions, unjudged, unit)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:
@@ -90,7 +91,8 @@ class IsolatorOutput:
     def ask(self, stamp_ns: int) -> Records:
         """A request, where the stand has vibration and a feature can split the group."""
         episode = self._episodes.current
-        if episode is None or not self._stand.axes:
+        # Features were learned on windows throughout which the fault is there.
+        if episode is None or not self._stand.axes or episode.recurrence is not None:
             return ()
         return self._requests.ask(stamp_ns, episode, self._motion.window)
 

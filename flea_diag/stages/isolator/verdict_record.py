@@ -149,6 +149,7 @@ class VerdictRecord:
             supported_false_alarms_per_hour=self._supported_per_hour,
             to_do=to_do([h.fault.response for h in isolation.alive()]),
             shows_from=self._shows_from,
+            comes_and_goes=() if episode.recurrence is None else (episode.recurrence,),
         )
 
     def _without_episode(
@@ -182,7 +183,8 @@ class VerdictRecord:
         self, stamp_ns: int, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
     ) -> tuple[NextTest, ...]:
         """Advice for a group that is not isolated further without a test."""
-        if outcome is not Outcome.INDISTINGUISHABLE:
+        # Advice rests on sizes in a motion throughout which the fault is there.
+        if outcome is not Outcome.INDISTINGUISHABLE or episode.recurrence is not None:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
 

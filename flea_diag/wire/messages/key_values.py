@@ -85,6 +85,7 @@ _OBJECTS: dict[Any, Any] = {
     tuple[r.NextTest, ...]: r.NextTest,
     tuple[r.UnitOffset, ...]: r.UnitOffset,
     tuple[r.JudgedTest, ...]: r.JudgedTest,
+    tuple[r.Recurrence, ...]: r.Recurrence,
 }
 """Fields that become numbered objects -> class of an object."""
 
