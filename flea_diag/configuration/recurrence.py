@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from flea_diag.configuration.evidence import stream_columns, stream_hypotheses
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.likelihood.effect_set import motion_signals
@@ -42,8 +40,8 @@ def recurrence_of(stand: Stand, told: Knowledge) -> RecurrenceKnowledge | None:
         tuple((f.name, readings.index(f.channel) if f.channel in readings else -1) for f in faults),
         # What grows from nothing cannot come and go within a second, and a reading that is dead for
         # a while has dropped out: its own test says so.
-        np.array([not fault.incipient and fault.mode != "dead" for fault in faults]),
-        np.array([name not in rows.predictions for name in law.relations]),
+        tuple(not fault.incipient and fault.mode != "dead" for fault in faults),
+        tuple(name not in rows.predictions for name in law.relations),
         rows.position if rows.position in known.names else "",
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,

@@ -35,6 +35,7 @@ PARTS = {
     "data_quality": (r.ChannelQuality, r.UnitOffset, r.JudgedTest),
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
+    "ambiguity_group": (r.Recurrence,),
 }
 """Classes that a record is made of, described in the section of its topic."""
 SAID_ABOVE = {"stamp_ns"}
@@ -55,6 +56,7 @@ TYPES = {
     tuple[r.Evidence, ...]: "objects",
     tuple[r.NextTest, ...]: "objects",
     tuple[r.UnitOffset, ...]: "objects",
+    tuple[r.Recurrence, ...]: "objects",
     tuple[r.JudgedTest, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",
     tuple[r.ChannelQuality, ...]: "one status each",

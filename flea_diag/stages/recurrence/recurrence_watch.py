@@ -81,9 +81,9 @@ class RecurrenceKnowledge(Frozen):
     faults
         Of every model the fault, and the number of the reading that it is an error of; -1: of none.
     usable
-        Models of faults that can come and go, shape (models,).
+        Of every model whether its fault can come and go.
     fast
-        Relations that are looked at, shape (relations,).
+        Of every relation whether it is looked at.
     position
         Signal that tells the place along the stroke; empty: none does.
     load
@@ -95,8 +95,8 @@ class RecurrenceKnowledge(Frozen):
     hypotheses: StreamHypotheses
     columns: Callable[[], WindowSource]
     faults: tuple[tuple[str, int], ...]
-    usable: npt.NDArray[np.bool_]
-    fast: npt.NDArray[np.bool_]
+    usable: tuple[bool, ...]
+    fast: tuple[bool, ...]
     position: str
     load: int
     delay_s: float
@@ -129,7 +129,7 @@ class RecurrenceWatch:
         self._in_window = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
-        self._rows = StreamRows(self._k.hypotheses, self._k.fast)
+        self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
         self.rearm()
 
     def rearm(self) -> None:
@@ -241,7 +241,7 @@ class RecurrenceWatch:
         signatures = k.hypotheses.signatures
         part = self._history.part(signatures.shape)
         readings = [number for _, number in k.faults]
-        every = recurring(part, signatures.prior, k.usable, readings)
+        every = recurring(part, signatures.prior, np.array(k.usable), readings)
         if not every:
             return None
         limit = max(self._drop_nats, SHARE * every[0].nats)
