@@ -35,6 +35,7 @@ from flea_diag.core.evidence.white_stream import (
     weight_of,
 )
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.recurrence.recurring import FAR
 from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
@@ -91,8 +92,8 @@ class StreamRows:
         self._quiet = 0
         self._solve()
 
-    def step(self, window: LawWindow) -> WindowRow:
-        """Take the next window."""
+    def step(self, window: LawWindow, keeps: bool) -> WindowRow | None:
+        """Take the next window; None where it is not kept, as no relation is far out in it."""
         h, known = self._h, np.isfinite(window.values) & self._fast
         left, psi, _ = h.own(window, self._number)
         self._number += 1
@@ -100,17 +101,20 @@ class StreamRows:
         rows = np.column_stack((left, psi)) / sigma[:, None]
         rows[~known] = 0.0
         errors = standardised(rows, self._eta, self._covariance)
-        added, _ = h.faults(window, errors)
-        added = added / (sigma * predicted_sigma(rows, self._covariance))[:, None]
-        added[~known] = 0.0
+        predicted = sigma * predicted_sigma(rows, self._covariance)
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
         both = known[:, None] & known
         shared = h.noise.shared * np.square(exact_share(errors)[:, 0])
         apart = np.eye(len(known)) - np.where(both, shared * sigma / sigma[:, None], 0.0)
-        row = WindowRow(apart @ errors, apart @ added)
         if np.abs(errors).max() <= QUIET:
             self._count(rows * weight_of(errors) / self._alike)
-        return row
+        own = apart @ errors
+        if not keeps and np.abs(own).max() <= FAR:
+            return None
+        added, _ = h.faults(window, errors)
+        added = added / predicted[:, None]
+        added[~known] = 0.0
+        return WindowRow(own, apart @ added)
 
     def _count(self, rows: Array) -> None:
         self._sums = self._fade * self._sums + rows.T @ rows

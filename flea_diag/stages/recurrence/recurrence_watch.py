@@ -200,9 +200,10 @@ class RecurrenceWatch:
         """Take one window."""
         k = self._k
         assert self._jump is not None, "a window has scans"
-        row, jump, self._jump = self._rows.step(window), self._jump, None
+        jump, self._jump = self._jump, None
         kept = self._history
-        if not len(kept) and row.farthest <= FAR:
+        row = self._rows.step(window, keeps=bool(len(kept)))
+        if row is None:
             return None
         kept.ends_ns.append(end_ns)
         kept.errors.append(row.errors)
