@@ -42,10 +42,24 @@ class FaultCourse:
         if not self.onset_s <= time_s < self.end_s or self.setting.unit not in ("", unit):
             return None
         age = time_s - self.onset_s
-        cycle = self.setting.on_s + self.setting.off_s
-        if cycle > 0.0 and (age + 1e-9) % cycle >= self.setting.on_s:
+        if self.setting.on_s > 0.0 and not self._is_on(age + 1e-9):
             return None
         return self._grown(age)
+
+    def _is_on(self, age: float) -> bool:
+        """Whether an intermittent fault is present so long after its onset."""
+        on_s, off_s, irregular = self.setting.on_s, self.setting.off_s, self.setting.irregular
+        cycle = on_s + off_s
+        number, since = divmod(age, cycle)
+        if number < 1.0 or not irregular:
+            return since < on_s
+        # It comes once in each cycle, at random within the middle of it.
+        return 0.0 <= since - self._late_s(int(number), irregular * off_s) < on_s
+
+    def _late_s(self, number: int, most_s: float) -> float:
+        """By how much it comes later in this cycle; the same whenever it is asked."""
+        seed = (self.seed, number, round(self.onset_s * 1e3))
+        return float(np.random.default_rng(seed).uniform(0.0, most_s))
 
     def in_gap(self, rate_hz: float, time_s: float) -> bool:
         """Whether a drop-out of 50 ms is active; loop and DAQ lose the same samples."""

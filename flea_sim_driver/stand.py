@@ -320,6 +320,7 @@ class SimulatedStand:
             ("growth_s", repr(setting.growth_s)),
             ("on_s", repr(setting.on_s)),
             ("off_s", repr(setting.off_s)),
+            ("irregular", repr(setting.irregular)),
             ("approach", course.row.approach),
         )
         return Truth(onset, setting.fault, onset, details)

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, make_dataclass
+from dataclasses import asdict, dataclass, fields, make_dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -199,7 +199,11 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
     parameters = _part(IsolatorParameters, values)
     if values.configuration == EVIDENCE:
         return _by_evidence(stand).isolator(parameters, in_process)
-    return IsolatorStage(knowledge(stand, learned(stand)), parameters, in_process)
+    from flea_diag.configuration.recurrence import recurrence_of
+
+    told = knowledge(stand, learned(stand))
+    told = replace(told, recurrence=recurrence_of(stand, told))
+    return IsolatorStage(told, parameters, in_process)
 
 
 def _by_evidence(stand: Stand) -> EvidenceStand:

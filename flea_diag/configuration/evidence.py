@@ -28,7 +28,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
 from flea_diag.core.isolation.isolation import steps
-from flea_diag.core.likelihood.effect_set import motion_signals
+from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -75,6 +75,22 @@ class EvidenceStand:
 def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceStand:
     """The diagnosis by a law."""
     known = effects(stand, calibration)
+    made = stream_hypotheses(stand, calibration, known, law)
+    told = knowledge(stand, calibration)
+    sensors = _sensors(told)
+    judged = {model.fault for model in made[0].signatures.models} - SensorModes(sensors).faults
+    limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
+    judged_by = EvidenceKnowledge(
+        made, law.relations, frozenset(judged), limits, sensors, law.visible,
+        stream_columns(known, calibration, law, made[0]),
+    )  # fmt: skip
+    return EvidenceStand(told, judged_by)
+
+
+def stream_hypotheses(
+    stand: Stand, calibration: Calibration, known: EffectSet, law: RunLaw
+) -> tuple[StreamHypotheses, StreamHypotheses]:
+    """Of the unit of a calibration, and of another one."""
     parameters, names = calibration.parameters, signal_names(known)
     tolerance = dict(
         zip(known.differences, calibration.differences(known.differences), strict=True)
@@ -87,26 +103,17 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     signatures = signatures_of(known.bound(parameters), names, law)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     recording_s = calibration.nominal_s / law.recordings
-    made = tuple(
-        StreamHypotheses.of(law, columns, signatures, friction, another, rooms, recording_s)
-        for another in (False, True)
+    own, another = (
+        StreamHypotheses.of(law, columns, signatures, friction, other, rooms, recording_s)
+        for other in (False, True)
     )
-    told = knowledge(stand, calibration)
-    sensors = _sensors(told)
-    judged = {model.fault for model in signatures.models} - SensorModes(sensors).faults
-    limits = limits_of(len(judged), calibration.false_alarms_per_hour, ONSETS_PER_HOUR)
-    judged_by = EvidenceKnowledge(
-        (made[0], made[1]), law.relations, frozenset(judged), limits, sensors, law.visible,
-        _columns(told, law, made[0]),
-    )  # fmt: skip
-    return EvidenceStand(told, judged_by)
+    return own, another
 
 
-def _columns(
-    told: Knowledge, law: RunLaw, known_by: StreamHypotheses
+def stream_columns(
+    known: EffectSet, calibration: Calibration, law: RunLaw, known_by: StreamHypotheses
 ) -> Callable[[], StreamColumns]:
     """What makes the windows of a stream."""
-    known, calibration = told.effects, told.calibration
     rows = known.residuals
     scans = max(1, round(WINDOW_S / calibration.period_s))
     current, load, way, *speeds = motion_signals(rows)

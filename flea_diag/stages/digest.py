@@ -18,9 +18,10 @@ SHA-256 over what was decided: Detection, Symbols, FeatureRequest, FeatureValue 
 measured cost, and every change of AmbiguityGroup. Left out is what two runs of the same
 diagnosis may differ in: the repeats once a second, their numbers, whether the source was
 silent just then, whether it was live or a replay; and what decides nothing: advice, words on
-what opened an episode, the promise of the calibration, offsets kept for an observer that comes
-back, counters of samples. Each kind keeps its own order and the kinds follow one another in the
-rank of their topics, so that records of several topics may arrive interleaved in any way.
+what opened an episode, numbers that its words hold, the promise of the calibration, offsets kept
+for an observer that comes back, counters of samples. Each kind keeps its own order and the kinds
+follow one another in the rank of their topics, so that records of several topics may arrive
+interleaved in any way.
 
 The decision digest is the same over fewer fields: outcome, members, sizes, symbols, features
 and their stamps. Prose, evidence texts and hashes of files are not in it, so that a change of
@@ -55,6 +56,7 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
         "seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters", "summary",
         "dropped_count", "not_observable_count", "stated_false_alarms_per_hour",
         "supported_false_alarms_per_hour", "to_do", "shows_from", "looked_for", "pairs",
+        "comes_and_goes",
     ),
 }  # fmt: skip
 """Decisions in the rank of their topics -> fields that are not part of the decision."""

@@ -39,6 +39,7 @@ from flea_diag.wire.vocabulary import OFF_RATE as OFF_RATE
 from flea_diag.wire.vocabulary import OTHER_UNIT as OTHER_UNIT
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
 from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION as OUTSIDE_CALIBRATION
+from flea_diag.wire.vocabulary import QUIET as QUIET
 from flea_diag.wire.vocabulary import STARVING as STARVING
 from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
@@ -322,6 +323,32 @@ class TwoFaults:
 
 
 @dataclass(frozen=True, slots=True)
+class Recurrence:
+    """How a fault comes and goes: how often since when, for how long, and where.
+
+    ``present_s`` is the time for which it was there, 0 where it never lasted for longer than
+    ``shortest_s``, the shortest time that can be told; ``absent_s`` that for which it would have
+    shown and did not. ``every_s`` is its rhythm and ``place`` where along the stroke it comes (m);
+    NaN: it has none.
+    """
+
+    count: int
+    first_ns: int
+    last_ns: int
+    present_s: float
+    absent_s: float
+    shortest_s: float
+    every_s: float = math.nan
+    place: float = math.nan
+
+    @property
+    def duty(self) -> float:
+        """Share of the time for which it was there."""
+        whole_s = self.present_s + self.absent_s
+        return self.present_s / whole_s if whole_s else math.nan
+
+
+@dataclass(frozen=True, slots=True)
 class Hypotheses:
     """Everything that a verdict rests on: all evidence, all faults ruled out, and the advice."""
 
@@ -361,6 +388,7 @@ class AmbiguityGroup:
     ``Hypotheses`` hold besides.
     ``to_do`` is what people do about the members, by the catalogue: ``run`` (stop or go on),
     ``urgency`` (now, soon or planned), ``name``, ``part``, ``procedure``, ``next_test``.
+    ``comes_and_goes`` is how the members come and go; empty: they stay.
     """
 
     stamp_ns: int
@@ -391,6 +419,7 @@ class AmbiguityGroup:
     shows_from: tuple[tuple[str, str], ...] = ()
     looked_for: tuple[str, ...] = ()
     pairs: tuple[TwoFaults, ...] = ()
+    comes_and_goes: tuple[Recurrence, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

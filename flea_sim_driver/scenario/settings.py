@@ -128,6 +128,12 @@ class FaultSetting:
     growth_s: float = parameter(0.0, "time over which it grows to its size", unit="s", minimum=0.0)
     on_s: float = parameter(0.0, "intermittent: time present, 0: always", unit="s", minimum=0.0)
     off_s: float = parameter(0.0, "intermittent: time absent", unit="s", minimum=0.0)
+    irregular: float = parameter(
+        0.0,
+        "intermittent: share of off_s by which it comes later in each cycle, at random",
+        minimum=0.0,
+        maximum=1.0,
+    )
     unit: str = parameter(
         "", "test actuator that has it (hardware), empty: the one in use", choices=("", "X", "Y")
     )

@@ -82,6 +82,7 @@ GENERAL: dict[Row, str] = {
     ("isolator/episode_evidence.py", "MOVED_S", 0.5): "least evidence",
     ("evidence/sensor_modes.py", "MOVED_S", 0.5): "least evidence",
     ("evidence/sensor_modes.py", "SHOWN_S", 1.0): "time of a test of a sensor",
+    ("recurrence/occurrence.py", "SLACK_S", 0.25): "a window, and what smoothing adds",
     ("isolator/episode_evidence.py", "STANDING_S", 0.3): "what a sample of it weighs",
     ("isolator/fault_episode.py", "BOTH_WAYS_S", 0.3): "least evidence",
     ("isolator/fault_episode.py", "CONCLUSIVE_S", 0.5): "least evidence",

@@ -32,10 +32,10 @@ from flea_diag.wire.topics import TOPICS, Topic
 PAGE = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
 PARTS = {
     "sensors/channels": (r.ChannelInfo,),
-    "ambiguity_group": (r.TwoFaults,),
     "data_quality": (r.ChannelQuality, r.UnitOffset, r.JudgedTest),
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
+    "ambiguity_group": (r.TwoFaults, r.Recurrence),
 }
 """Classes that a record is made of, described in the section of its topic."""
 SAID_ABOVE = {"stamp_ns"}
@@ -56,6 +56,7 @@ TYPES = {
     tuple[r.Evidence, ...]: "objects",
     tuple[r.NextTest, ...]: "objects",
     tuple[r.UnitOffset, ...]: "objects",
+    tuple[r.Recurrence, ...]: "objects",
     tuple[r.JudgedTest, ...]: "objects",
     tuple[r.TwoFaults, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",

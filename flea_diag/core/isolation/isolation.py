@@ -333,6 +333,21 @@ class Isolation:
                 source = hypothesis.fault.channel
                 hypothesis.add(ConsistencyCheck(stamp_ns, source, "0", "", False, words))
 
+    def recur(self, stamp_ns: int, fits: Mapping[str, Fit]) -> None:
+        """Faults that come and go take the place of those that stay: begin anew with them."""
+        for name, old in self.hypotheses.items():
+            new = self.hypotheses[name] = Hypothesis(old.fault)
+            fit = fits.get(name)
+            if fit is None:
+                words = "does not explain what comes and goes"
+                new.add(ConsistencyCheck(stamp_ns, "recurrence", "", "", False, words))
+                continue
+            new.fit, new.log_likelihood = fit, fit.log_likelihood
+            words = f"explains each time that it came: {fit.log_likelihood:.1f} nats over no fault"
+            new.add(ConsistencyCheck(stamp_ns, "recurrence", "", "", True, words))
+            new.why_kept = words
+        self.normalise()
+
     def update(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
         """Apply a feature value: ``left`` are the remaining faults, with probabilities."""
         for hypothesis in self.alive():

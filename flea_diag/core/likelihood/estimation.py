@@ -55,8 +55,9 @@ def fitted(
     square = float(weight @ sums.square)
     nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
     means = sums.means.copy()  # as they are now: a fit is asked for details later
-    spread = np.asarray(tolerance, dtype=float)
-    fitting = _Fitting(sums, spacing, weight, unit, nominal, log_independent, means, spread)
+    fitting = _Fitting(
+        sums, spacing, weight, unit, nominal, log_independent, means, known.tolerance
+    )
     found: dict[FaultModel, Fit] = {}
     for stack, solved in zip(stacks, systems, strict=True):
         found |= fitting.fits(stack, solved)

@@ -40,11 +40,14 @@ class Weighing:
         Of a squared residual, shape (residuals,).
     unit
         What is known of the unit.
+    tolerance
+        What healthy units differ by, one sigma each.
     """
 
     spacing: Array
     weight: Array
     unit: Unit
+    tolerance: Array
 
     def log_independent(self, sums: EvidenceSums) -> float:
         """Logarithm of the independent samples of all residuals."""
@@ -67,4 +70,4 @@ def weighing_of(
         known = weight * [name in baseline_residuals for name in sums.residuals]
         shown = baseline.stack((None,)).systems(known, Unit.unknown(len(tolerance)))
         unit = unit.shown(shown.A[0], shown.b[0])
-    return Weighing(spacing, weight, unit)
+    return Weighing(spacing, weight, unit, np.asarray(tolerance, dtype=float))

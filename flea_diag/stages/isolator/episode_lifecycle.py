@@ -32,9 +32,11 @@ from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.verdict_record import VerdictRecord
 from flea_diag.stages.merge import Merge
+from flea_diag.stages.recurrence.recurrence_watch import Found
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
+    QUIET,
     TAKEN_BACK,
     TAKEN_OVER,
     AmbiguityGroup,
@@ -42,6 +44,9 @@ from flea_diag.wire.records import (
     Residual,
     Symbols,
 )
+
+RECURRENCE = "bursts that one fault explains each time"
+"""What opens an episode of a fault that comes and goes."""
 
 
 class Change(Enum):
@@ -130,6 +135,8 @@ class EpisodeLifecycle:
             return Change.ANOTHER_UNIT
         if detection.detected or episode is None:
             return Change.NOTHING
+        if episode.recurrence is not None and detection.test == QUIET:
+            return Change.NOTHING  # it comes again: its watch says when it is over
         if not detection.test.startswith(TAKEN_BACK):
             self.close()
             return Change.CLOSED
@@ -185,6 +192,23 @@ class EpisodeLifecycle:
         episode.isolation.normalise()
         self._update_by_alarm(stamp_ns, episode, alarm)
         return episode
+
+    def recur(self, stamp_ns: int, found: Found) -> None:
+        """Faults come and go: the open episode is theirs, or a new one; without any it is over.
+
+        One that vibration or the own test of a sensor opened has evidence of its own.
+        """
+        episode = self.current
+        if episode is not None and (episode.shared.opened_by_vibration or episode.is_of_sensor):
+            return
+        if not found.fits:
+            if episode is not None and episode.recurrence is not None:
+                self.close()
+            return
+        if episode is None:
+            shared = Episode(self._opened + 1, stamp_ns, self._detection_number, RECURRENCE)
+            episode = self._open(shared)
+        episode.recur(stamp_ns, found.fits, found.told)
 
     def _update_by_alarm(self, stamp_ns: int, episode: FaultEpisode, alarm: VibrationAlarm) -> None:
         """An alarm answers the feature of the same indicator and sensor: it is not requested."""

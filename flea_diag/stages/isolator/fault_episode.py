@@ -16,18 +16,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.isolation.fault_pairs import members
 from flea_diag.core.isolation.isolation import Hypothesis, Isolation
+from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
 from flea_diag.stages.isolator.pairs.second_fault import SecondFault
-from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Symbols
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Recurrence, Symbols
 
 CONCLUSIVE_S = 0.5
 """Time of evidence before likelihoods or absent symptoms may drop a fault."""
@@ -44,7 +45,8 @@ class FaultEpisode:
 
     ``symbols``: residual, magnitude and slope of each symbol observed. ``step`` counts verdicts
     and requests. ``settled``: features may be asked for. ``evaluated``: half seconds evaluated.
-    ``resumed``: an isolator that was killed had begun it.
+    ``resumed``: an isolator that was killed had begun it. ``recurrence``: how what is left
+    comes and goes; None: it stays, as far as is known.
     """
 
     shared: Episode
@@ -58,6 +60,7 @@ class FaultEpisode:
     evaluated: int = 0
     resumed: bool = False
     second: SecondFault = field(default_factory=SecondFault)
+    recurrence: Recurrence | None = None
 
     def group(self) -> dict[str, float]:
         """Faults still possible, each with its probability."""
@@ -91,12 +94,28 @@ class FaultEpisode:
         self.second.resume(verdict.pairs)
         self.isolation.resume({each.fault: each.reason for each in verdict.dropped})
 
+    @property
+    def is_of_sensor(self) -> bool:
+        """Whether the own test of a single sensor has deviated: that is no other fault's doing."""
+        own = {row.name for row in self.residuals.sensor_rows}
+        return any(residual in own for residual, _, _ in self.symbols)
+
+    def recur(self, stamp_ns: int, fits: Mapping[str, Fit], recurrence: Recurrence) -> None:
+        """These faults come and go: all that is known of them is in the times at which they came.
+
+        What dropped a fault before took it for one that stays.
+        """
+        self.isolation.recur(stamp_ns, fits)
+        self.recurrence, self.settled = recurrence, True
+
     def join(self, detection: Detection) -> None:
         """The observer now detects as well what vibration opened."""
         self.shared = self.shared.joined_by(detection)
 
     def observe(self, record: Symbols, quadrants: Sequence[Quadrant]) -> None:
-        """Compare new symbols with the hypotheses."""
+        """Compare new symbols with the hypotheses; they say nothing of what comes and goes."""
+        if self.recurrence is not None:
+            return
         for symbol in record.symbols:
             seen = (symbol.residual, symbol.magnitude, symbol.slope)
             if seen not in self.symbols and not self._is_unit_shift(symbol.residual):

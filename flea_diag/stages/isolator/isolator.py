@@ -38,6 +38,7 @@ from flea_diag.stages.isolator.scan_isolation import ScanIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus, mismatch
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.stages.merge import Merge
+from flea_diag.stages.recurrence.recurrence_watch import RecurrenceWatch
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -111,9 +112,15 @@ class IsolatorStage:
             FeatureRequests(knowledge, parameters, merge),
             made.verdict(),
         )
-        scans = ScanIsolation(
-            parameters, made, stand, motion, self._vibration, self._episodes, self._output
+        self._recurrence = (
+            RecurrenceWatch(knowledge.recurrence, parameters.drop_nats)
+            if knowledge.recurrence is not None
+            else None
         )
+        scans = ScanIsolation(
+            parameters, made, stand, motion, self._vibration, self._recurrence, self._episodes,
+            self._output,
+        )  # fmt: skip
         self._take: dict[type, Callable[[Any], Records]] = {
             Residual: scans.step,
             ResidualBlock: scans.follow,
@@ -162,6 +169,8 @@ class IsolatorStage:
             return ()
         self._episodes.close()
         self._vibration.monitor.clear()
+        if self._recurrence is not None:
+            self._recurrence.rearm()
         return self._output.say(self._merge.now_ns)
 
     def _drain(self, everything: bool) -> Records:
@@ -180,6 +189,8 @@ class IsolatorStage:
             self._output.forget()
             return self._output.say(self._merge.now_ns)
         if change is Change.ANOTHER_UNIT:
+            if self._recurrence is not None:
+                self._recurrence.forget()
             self._stand.unit_ns = record.stamp_ns
             self._output.forget()
         if change is Change.TAKEN_BACK:

@@ -202,7 +202,7 @@ class LikelihoodMethod:
     def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> bool:
         """Likelihoods, defining symptoms, settling; nothing before a relation has deviated."""
         self._evaluation.mark(stamp_ns, episode)
-        if episode.awaits_symbols:
+        if episode.recurrence is not None or episode.awaits_symbols:
             return False
         self._evaluation.evaluate(stamp_ns, episode)
         return True

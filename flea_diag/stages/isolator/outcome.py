@@ -30,7 +30,16 @@ from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus, diverged, rested
-from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, ChannelQuality, Outcome, Quality
+from flea_diag.stages.recurrence.recurrence_words import recurrence_words
+from flea_diag.wire.records import (
+    DRIVER_DEAD,
+    STARVING,
+    STREAM,
+    ChannelQuality,
+    Outcome,
+    Quality,
+    Recurrence,
+)
 
 Decision = tuple[Outcome, str]
 """An outcome and its words."""
@@ -136,6 +145,8 @@ class OutcomeRules:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
         what = f" ({episode.shared.opened_by})"
+        if episode.recurrence is not None:
+            return _recurring(alive, episode.recurrence, stand.start_ns)
         if episode.awaits_symbols:
             return Outcome.DETECTED, _awaited(episode.shared)
         if episode.second.pairs:
@@ -191,6 +202,14 @@ class OutcomeRules:
         unjudged = stand.unjudged.words()
         limits = f" in what was judged; not judged in the last 10 s: {unjudged}"
         return Outcome.NOMINAL, NO_DEVIATION + (limits if unjudged else "")
+
+
+def _recurring(alive: list[Hypothesis], told: Recurrence, start_ns: int) -> Decision:
+    """Of faults that come and go."""
+    names, words = ", ".join(h.name for h in alive), recurrence_words(told, start_ns)
+    if len(alive) == 1:
+        return Outcome.ISOLATED, f"the fault is {names}, which {words}"
+    return Outcome.INDISTINGUISHABLE, f"one of {names}, which {words}"
 
 
 def _awaited(shared: Episode) -> str:

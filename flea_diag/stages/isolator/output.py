@@ -59,13 +59,14 @@ class IsolatorOutput:
         outcome, _ = self._verdict.outcome(stamp_ns, self._stand, episode)
         number = episode.shared.number if episode is not None else 0
         names = episode.said() if episode is not None else ()
+        recurs = episode.recurrence if episode is not None else None
         stand = self._stand
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
         conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
         wiring = stand.wiring and (stand.wiring.quality, stand.wiring.reason)
         unit = self._verdict.unit(stand) if episode is None else None
-        state = (outcome, number, names, stand.bad, *conditions, unjudged, unit, wiring)
+        state = (outcome, number, names, recurs, stand.bad, *conditions, unjudged, unit, wiring)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:
@@ -91,7 +92,9 @@ class IsolatorOutput:
     def ask(self, stamp_ns: int) -> Records:
         """A request, where the stand has vibration and a feature can split the group."""
         episode = self._episodes.current
-        if episode is None or not self._stand.axes or self._stand.wired_wrong:
+        # Features were learned on windows throughout which the fault is there.
+        recurs = episode is not None and episode.recurrence is not None
+        if episode is None or recurs or not self._stand.axes or self._stand.wired_wrong:
             return ()
         return self._requests.ask(stamp_ns, episode, self._motion.window)
 

@@ -29,6 +29,7 @@ from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.signatures.signature import SignatureTable
+from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
 from flea_diag.wire.parameters import parameter
 
 
@@ -137,7 +138,10 @@ class IsolatorParameters:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Knowledge before the first record; ``features``: those that may be requested."""
+    """Knowledge before the first record; ``features``: those that may be requested.
+
+    ``recurrence``: what tells faults that come and go; None: the calibration has no law.
+    """
 
     calibration: Calibration
     calibration_sha256: str
@@ -145,6 +149,7 @@ class Knowledge:
     faults: Mapping[str, Fault]
     signatures: Mapping[Quadrant, SignatureTable]
     features: FaultFeatureTable
+    recurrence: RecurrenceKnowledge | None = None
 
     @cached_property
     def symptoms(self) -> SensorSymptoms:

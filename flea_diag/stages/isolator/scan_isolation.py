@@ -25,6 +25,7 @@ from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
+from flea_diag.stages.recurrence.recurrence_watch import Found, RecurrenceWatch
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Record, Residual
 
@@ -39,6 +40,7 @@ class ScanIsolation:
         stand: StandStatus,
         motion: MotionHistory,
         vibration: VibrationWatch,
+        recurrence: RecurrenceWatch | None,
         episodes: EpisodeLifecycle,
         output: IsolatorOutput,
     ) -> None:
@@ -47,11 +49,40 @@ class ScanIsolation:
         self._stand = stand
         self._motion = motion
         self._vibration = vibration
+        self._recurrence = recurrence
         self._episodes = episodes
         self._output = output
 
     def step(self, record: Residual) -> Records:
         """Records caused by one scan."""
+        caused = self._scan(record)
+        found = self._watched(record)
+        return caused if found is None else (*caused, *self._recur(record.stamp_ns, found))
+
+    def follow(self, block: ResidualBlock) -> Records:
+        """Records caused by many scans with no other record between them."""
+        out: list[Record] = []
+        begun = 0
+        watch, offsets = self._recurrence, self._stand.offsets
+        for taken, found in () if watch is None else watch.take(block, offsets):
+            out.extend(self._scans(block.part(slice(begun, taken))))
+            out.extend(self._recur(int(block.stamps_ns[taken - 1]), found))
+            begun = taken
+        out.extend(self._scans(block.part(slice(begun, None))))
+        return tuple(out)
+
+    def _watched(self, record: Residual) -> Found | None:
+        """What comes and goes, by one more scan."""
+        watch = self._recurrence
+        return None if watch is None else watch.step(record, self._stand.offsets)
+
+    def _recur(self, stamp_ns: int, found: Found) -> Records:
+        """A fault comes and goes, has come once more, or is over."""
+        self._episodes.recur(stamp_ns, found)
+        return self._output.say(stamp_ns)
+
+    def _scan(self, record: Residual) -> Records:
+        """What one scan causes by itself."""
         moving = record.regressors[-1] > 0.5
         self._stand.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
@@ -66,8 +97,10 @@ class ScanIsolation:
         looks_out = episode.query.looks_out(record.stamp_ns)
         return self._output.ask(record.stamp_ns) if looks_out else ()
 
-    def follow(self, block: ResidualBlock) -> Records:
-        """Records caused by many scans with no other record between them."""
+    def _scans(self, block: ResidualBlock) -> Records:
+        """What many scans cause by themselves."""
+        if not len(block):
+            return ()
         moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
         self._motion.follow(block)
         turns = self._stand.follow(block.stamps_ns, moving, lost, self._rest_ns)

@@ -155,6 +155,7 @@ class VerdictRecord:
             to_do=to_do(response),
             pairs=tuple(TwoFaults(*p.faults, p.probability) for p in episode.second.pairs),
             shows_from=self._shows_from,
+            comes_and_goes=() if episode.recurrence is None else (episode.recurrence,),
         )
 
     def _without_episode(
@@ -188,7 +189,8 @@ class VerdictRecord:
         self, stamp_ns: int, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
     ) -> tuple[NextTest, ...]:
         """Advice for a group that is not isolated further without a test."""
-        if outcome is not Outcome.INDISTINGUISHABLE:
+        # Advice rests on sizes in a motion throughout which the fault is there.
+        if outcome is not Outcome.INDISTINGUISHABLE or episode.recurrence is not None:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
 

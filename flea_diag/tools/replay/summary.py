@@ -132,11 +132,23 @@ def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
         "ambiguity_group": [candidate.fault for candidate in last.members],
         "probabilities": [candidate.probability for candidate in last.members],
         "words": last.words,
+        "comes_and_goes": _comes_and_goes(last, start_ns),
         "dropped": {candidate.fault: candidate.reason for candidate in last.dropped},
         "detected_by": last.opened_by,
         "kept": {candidate.fault: _last_evidence(candidate) for candidate in last.members},
         "steps": _steps(groups, start_ns),
     }
+
+
+def _comes_and_goes(last: AmbiguityGroup, start_ns: int) -> dict[str, Any] | None:
+    """How the members come and go, None: they stay; a rhythm or a place is None where unknown."""
+    for told in last.comes_and_goes:
+        rest = {name: value if math.isfinite(value) else None
+                for name, value in asdict(told).items() if not name.endswith("_ns")}  # fmt: skip
+        times = told.first_ns, told.last_ns
+        first_s, last_s = (_seconds(stamp_ns, start_ns) for stamp_ns in times)
+        return {**rest, "first_at_s": first_s, "last_at_s": last_s, "duty": told.duty}
+    return None
 
 
 def _last_evidence(candidate: Candidate) -> str:

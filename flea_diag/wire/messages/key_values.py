@@ -86,6 +86,7 @@ _OBJECTS: dict[Any, Any] = {
     tuple[r.UnitOffset, ...]: r.UnitOffset,
     tuple[r.JudgedTest, ...]: r.JudgedTest,
     tuple[r.TwoFaults, ...]: r.TwoFaults,
+    tuple[r.Recurrence, ...]: r.Recurrence,
 }
 """Fields that become numbered objects -> class of an object."""
 

@@ -1,0 +1,49 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a stand knows of faults that come and go, by the law of its calibration."""
+
+from __future__ import annotations
+
+from flea_diag.configuration.evidence import stream_columns, stream_hypotheses
+from flea_diag.configuration.stand import Stand
+from flea_diag.core.likelihood.effect_set import motion_signals
+from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
+from flea_diag.stages.isolator.parameters import Knowledge
+from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
+
+
+def recurrence_of(stand: Stand, told: Knowledge) -> RecurrenceKnowledge | None:
+    """Of a stand with this knowledge; None: its calibration has no law."""
+    known, calibration = told.effects, told.calibration
+    law = calibration.law
+    if law is None:
+        return None
+    hypotheses, _ = stream_hypotheses(stand, calibration, known, law)
+    faults = [told.faults[model.fault] for model in hypotheses.signatures.models]
+    rows, readings = known.residuals, list(known.readings)
+    load = motion_signals(rows)[1]
+    return RecurrenceKnowledge(
+        hypotheses,
+        stream_columns(known, calibration, law, hypotheses),
+        tuple((f.name, readings.index(f.channel) if f.channel in readings else -1) for f in faults),
+        # What grows from nothing cannot come and go within a second, and a reading that is dead for
+        # a while has dropped out: its own test says so.
+        tuple(not fault.incipient and fault.mode != "dead" for fault in faults),
+        tuple(name not in rows.predictions for name in law.relations),
+        rows.position if rows.position in known.names else "",
+        signal_names(known).index(load),
+        0.5 * calibration.counts.kernel * calibration.period_s,
+        max(1, round(WINDOW_S / calibration.period_s)),
+    )

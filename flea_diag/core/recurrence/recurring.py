@@ -1,0 +1,263 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which fault comes and goes: short deviations of the relations that one fault explains each time.
+
+A *burst* is a run of windows in which a relation is far out. Bursts alone are no proof: a fault
+that stays shows in bursts as well, where what it acts by (a current, a direction) comes and goes.
+So for every fault that explains them it is asked, window by window, how much of it is there,
+
+    a = F'e / F'F,
+
+with ``F`` what the fault at its size adds to the relations and ``e`` what they show. Where ``F'F``
+is small nothing is known. Where it is large, ``a`` near 1 is *present* and near 0 *absent*; a fault
+comes and goes when it has been absent, between times at which it was present, in windows in which
+it would have shown, and when no fault that stays explains the same windows as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.fault_signatures import SizePrior
+from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio, posterior
+from flea_diag.core.evidence.white_stream import exact_share
+from flea_diag.core.frozen import Frozen
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+FAR, NEAR = 8.0, 4.0
+"""Standard deviations that the farthest window of a burst is out, and up to which one is quiet."""
+SHOWS = 6.0
+"""Standard deviations that a fault must add to a window for its presence to be known there."""
+ABSENT = 0.35
+"""Share of a fault up to which it is absent."""
+LEAST_TIMES = 3
+"""Times that a fault must have come: what came twice may be two things."""
+EXPLAINED = 0.5
+"""Share of the squares of all bursts that a fault must explain."""
+ONE_WAY = 0.95
+"""Share of windows of either state in one direction from which on direction explains it."""
+USUAL = 0.95
+"""Share of windows without a fault that jump by less than what counts as usual."""
+APART_NATS = 20.0
+"""By how much a fault that comes and goes must be ahead of every fault that stays."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamPart(Frozen):
+    """Windows of a stream since something was first far out.
+
+    Attributes
+    ----------
+    errors
+        See ``WindowRow``, shape (n, relations).
+    faults
+        Shape (n, relations, models, sizes).
+    ways
+        Directions of motion and of the load, -1, 0 or 1, shape (n, signals).
+    jumps
+        By how much each reading has jumped at most, shape (n, readings).
+    """
+
+    errors: Array
+    faults: Array
+    ways: Array
+    jumps: Array
+
+    @property
+    def far(self) -> Array:
+        """Standard deviations that the farthest relation is out, shape (n,)."""
+        return np.asarray(np.abs(self.errors).max(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class RecurringFault(Frozen):
+    """A fault that explains the bursts.
+
+    Attributes
+    ----------
+    model
+        Its number.
+    nats
+        Evidence of the bursts over nothing.
+    size, sigma
+        With standard errors, shape (sizes,).
+    whole
+        Whether bursts last long enough for that to be its size, and not a part of it.
+    states
+        1 where it is present, -1 where it is absent, 0 where nothing is known, shape (n,).
+    """
+
+    model: int
+    nats: float
+    size: Array
+    sigma: Array
+    whole: bool
+    states: npt.NDArray[np.int64]
+
+    @property
+    def comings(self) -> npt.NDArray[np.int64]:
+        """Windows with which it came, each after one in which it was absent or the first."""
+        told = np.flatnonzero(self.states)
+        turned = np.diff(self.states[told], prepend=-1) > 0
+        return np.asarray(told[turned & (self.states[told] > 0)])
+
+
+def bursts(far: Array, least: float = FAR) -> list[slice]:
+    """Runs of windows that are not quiet and hold one that is at least so far out."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], far > NEAR, [0])).astype(int)))
+    runs = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return [run for run in runs if far[run].max() > least]
+
+
+def recurring(
+    part: StreamPart, prior: SizePrior, usable: Flags, reading: Sequence[int]
+) -> list[RecurringFault]:
+    """Faults that come and go, the most likely first; none where that is not shown.
+
+    Parameters
+    ----------
+    prior
+        Of the sizes of every model.
+    usable
+        Models of faults that can come and go, shape (models,).
+    reading
+        Of every model the reading that it is an error of; -1: of none.
+    """
+    runs = bursts(part.far)
+    if len(runs) < LEAST_TIMES:
+        return []
+    inner = [slice(run.start + 1, run.stop - 1) for run in runs if run.stop - run.start > 3]
+    if 2 * len(inner) >= len(runs):
+        found = _weighed(part, inner, prior, usable, reading, whole=True)
+        if found:
+            return found
+    return _weighed(part, runs, _of_a_part(prior), usable, reading, whole=False)
+
+
+def _weighed(
+    part: StreamPart, told_by: Sequence[slice], prior: SizePrior, usable: Flags,
+    reading: Sequence[int], whole: bool,
+) -> list[RecurringFault]:  # fmt: skip
+    """Faults that come and go by these windows; ``whole``: these hold all of a fault."""
+    loud = np.zeros(len(part.errors), dtype=bool)
+    for run in told_by:
+        loud[run] = True
+    sums, every = _sums(part, loud), _sums(part, np.ones_like(loud))
+    nats = marginal_ratio(sums, prior, reaching=True)
+    stays = float(marginal_ratio(every, prior, reaching=True).max())
+    found = posterior(sums, prior)
+    left, shown = _left(part, loud, found.size)
+    fits = usable & (left < (1.0 - EXPLAINED) * shown) & (nats > stays)
+    made = [
+        _presence(part, k, float(nats[k]), found.size[k], found.sigma[k], whole)
+        for k in np.flatnonzero(fits).tolist()
+    ]
+    kept = [
+        each
+        for each in made
+        if _comes_and_goes(part, each, stays) and _jumps(part, each, reading[each.model])
+    ]
+    return sorted(kept, key=lambda each: -each.nats)
+
+
+def _of_a_part(prior: SizePrior) -> SizePrior:
+    """Sizes of which a part is there: of any that a fault may have, and none.
+
+    The windows about an end of a burst hold part of it, and where most bursts are no longer than
+    that, a part is all that shows. What a machine does in motion hides more: without a supply it
+    coasts, and its back-EMF stands at the terminals as if nothing were lost.
+    """
+    low, high = np.minimum(prior.low, 0.0), np.maximum(prior.high, 0.0)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    span = np.where(bounded, high - low, 0.0)
+    mean = np.where(bounded, np.where(bounded, low, 0.0) + 0.5 * span, prior.mean)
+    sigma = np.where(bounded, span / math.sqrt(12.0), prior.sigma)
+    return replace(prior, mean=mean, sigma=sigma, low=low, high=high)
+
+
+def _sums(part: StreamPart, which: Flags) -> Sums:
+    """Sums over these windows, what no model gives exactly counting as noise."""
+    exact = exact_share(part.errors[which].ravel()).reshape(part.errors[which].shape)
+    own = (part.errors[which] * exact)[..., None]
+    return Sums.of(own, part.faults[which] * exact[..., None, None])
+
+
+def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:
+    """Squares that each model leaves of these windows at the best share of each, and all of them.
+
+    Both of shape (models,).
+    """
+    effect = np.einsum("nrks,ks->nkr", part.faults[loud], size)
+    errors = part.errors[loud]
+    along = np.einsum("nkr,nr->nk", effect, errors)
+    strength = np.maximum(np.square(effect).sum(axis=-1), 1e-300)
+    shown = np.square(errors).sum(axis=1)
+    explained = np.where(along > 0.0, np.square(along) / strength, 0.0)
+    return (shown[:, None] - explained).sum(axis=0), np.full(len(size), shown.sum())
+
+
+def _presence(
+    part: StreamPart, model: int, nats: float, size: Array, sigma: Array, whole: bool
+) -> RecurringFault:
+    """Where a fault of this size is there, and where it is not, window by window."""
+    effect = np.einsum("nrs,s->nr", part.faults[:, :, model], size)
+    strength = np.sqrt(np.square(effect).sum(axis=1))
+    along = (effect * part.errors).sum(axis=1) / np.maximum(strength, 1e-300)
+    shown = np.square(part.errors).sum(axis=1)
+    states = np.where((strength >= SHOWS) & (np.abs(along) < ABSENT * strength), -1, 0)
+    for run in bursts(part.far, SHOWS):
+        peak = run.start + int(along[run].argmax())
+        if along[peak] > SHOWS and along[peak] ** 2 > EXPLAINED * shown[peak]:
+            states[run] = 1
+    return RecurringFault(model, nats, size, sigma, whole, states)
+
+
+def _comes_and_goes(part: StreamPart, found: RecurringFault, stays: float) -> bool:
+    """Whether it came often enough, whatever direction it moves in, and no other fault stays."""
+    if len(found.comings) < LEAST_TIMES or found.nats - stays <= APART_NATS:
+        return False
+    return not any(_parts(way, found.states) for way in part.ways.T)
+
+
+def _parts(way: Array, states: npt.NDArray[np.int64]) -> bool:
+    """Whether a fault is there in one direction and not in the other: then it may well stay."""
+    here, gone = way[(states > 0) & (way != 0)], way[(states < 0) & (way != 0)]
+    if not len(here) or not len(gone):
+        return False
+    forth = float((here > 0).mean())
+    back = float((gone < 0).mean())
+    return min(forth, back) >= ONE_WAY or max(forth, back) <= 1.0 - ONE_WAY
+
+
+def _jumps(part: StreamPart, found: RecurringFault, reading: int) -> bool:
+    """Whether a reading has jumped when its error came, by more than it does otherwise."""
+    if reading < 0:
+        return True
+    jumps = part.jumps[:, reading]
+    near = np.zeros(len(jumps), dtype=bool)
+    for run in bursts(part.far, SHOWS):
+        near[max(run.start - 1, 0) : run.stop + 1] = True
+    if near.all():
+        return True
+    usual = float(np.quantile(jumps[~near], USUAL))
+    came = [float(jumps[max(k - 1, 0) : k + 2].max()) for k in found.comings]
+    return float(np.median(came)) > usual

@@ -1,0 +1,300 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Watches for faults that come and go, over all episodes and between them.
+
+An episode is a deviation that lasts. What lasts for a tenth of a second and comes again opens none,
+or one whose evidence is mostly of a healthy machine. So the windows since something was first far
+out are kept here, and weighed anew each time that a burst is over.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.frozen import Frozen
+from flea_diag.core.likelihood.fit import Fit, KnownErrors
+from flea_diag.core.recurrence.occurrence import gathered, rhythm
+from flea_diag.core.recurrence.recurring import (
+    FAR,
+    NEAR,
+    SHOWS,
+    RecurringFault,
+    bursts,
+    recurring,
+)
+from flea_diag.core.recurrence.stream_history import StreamHistory
+from flea_diag.core.recurrence.stream_rows import StreamRows
+from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S
+from flea_diag.wire.blocks import ResidualBlock, block_of
+from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
+
+Array = npt.NDArray[np.float64]
+Offsets = tuple[UnitOffset, ...]
+
+KEPT_WINDOWS = 600
+"""Two minutes: so much is weighed together, and remembered for a burst to come again."""
+OVER_WINDOWS = 2
+"""Quiet windows after which a burst is over."""
+GAP_NS = 1_000_000_000
+"""After a gap this long the stream begins anew."""
+SHARE = 0.15
+"""Of the evidence of the best: what is left of a smoothed burst no model gives more exactly."""
+
+
+class WindowSource(Protocol):
+    """Makes windows of the law out of residuals."""
+
+    def add(self, block: ResidualBlock) -> Iterator[tuple[int, LawWindow]]:
+        """Windows that these residuals complete, each with the number of its last scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecurrenceKnowledge(Frozen):
+    """What a stand knows of faults that come and go.
+
+    Attributes
+    ----------
+    hypotheses
+        Of its law.
+    columns
+        Makes what makes the windows of one stream.
+    faults
+        Of every model the fault, and the number of the reading that it is an error of; -1: of none.
+    usable
+        Of every model whether its fault can come and go.
+    fast
+        Of every relation whether it is looked at.
+    position
+        Signal that tells the place along the stroke; empty: none does.
+    load
+        Place of the load among the signals.
+    delay_s, scans
+        Of smoothing, and of one window.
+    """
+
+    hypotheses: StreamHypotheses
+    columns: Callable[[], WindowSource]
+    faults: tuple[tuple[str, int], ...]
+    usable: tuple[bool, ...]
+    fast: tuple[bool, ...]
+    position: str
+    load: int
+    delay_s: float
+    scans: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Faults that come and go, the most likely first, each with its fit, and when they came.
+
+    Without a fault it is over.
+    """
+
+    fits: Mapping[str, Fit]
+    told: Recurrence
+
+
+class RecurrenceWatch:
+    """Takes every residual of a stream, one by one or in blocks, with the same result."""
+
+    def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
+        self._k, self._drop_nats = knowledge, drop_nats
+        self._waiting: list[Residual] = []
+        self._last_ns, self._in_window = NEVER_NS, 0
+        self.forget()
+
+    def forget(self) -> None:
+        """A new stream, or another unit: nothing so far counts."""
+        self._waiting.clear()
+        self._in_window = 0
+        self._offsets: Offsets = ()
+        self._columns = self._k.columns()
+        self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
+        self.rearm()
+
+    def rearm(self) -> None:
+        """What was found is over."""
+        self._history = StreamHistory()
+        self._quiet, self._due = 0, False
+        self._before: Recurrence | None = None
+        """What fell out of the history."""
+        self._latest: RecurringFault | None = None
+        self._told_last: Recurrence | None = None
+        self._jump: Array | None = None
+
+    def step(self, record: Residual, offsets: Offsets) -> Found | None:
+        """Take one scan; ``offsets``: what is known of this unit's zeros."""
+        self._begin(record.stamp_ns)
+        self._waiting.append(record)
+        if self._in_window + len(self._waiting) < self._k.scans:
+            return None
+        return next((found for _, found in self._take(self._flushed(), offsets)), None)
+
+    def take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, Found]]:
+        """Take n scans; yields how many have been taken when something is found, and what."""
+        if not len(block):
+            return
+        self._begin(int(block.stamps_ns[0]))
+        if self._waiting:
+            for _ in self._take(self._flushed(), offsets):
+                pass  # it completes no window
+        yield from self._take(block, offsets)
+
+    def _flushed(self) -> ResidualBlock:
+        block = block_of(*self._waiting)
+        self._waiting.clear()
+        return block
+
+    def _begin(self, stamp_ns: int) -> None:
+        if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:
+            self.forget()
+        self._last_ns = stamp_ns
+
+    def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, Found]]:
+        """Take scans of one piece."""
+        k = self._k
+        self._last_ns = int(block.stamps_ns[-1])
+        placed = _placed(block, k.position)
+        jumps = [n for n, name in enumerate(block.regressor_names) if name.startswith("jump_")]
+        begun = 0
+        for number, window in self._columns.add(placed):
+            self._leap(block.regressors[begun : number + 1, jumps])
+            begun = number + 1
+            if offsets != self._offsets:
+                self._offsets = offsets
+                self._rows.forget()
+            place = float(placed.regressors[number, placed.regressor_names.index(PLACE)])
+            found = self._window(int(block.stamps_ns[number]), window, place)
+            if found is not None:
+                yield number + 1, found
+        self._leap(block.regressors[begun:, jumps])
+        self._in_window = (self._in_window + len(block)) % k.scans
+
+    def _leap(self, jumps: Array) -> None:
+        """By how much each reading has jumped so far in this window."""
+        if len(jumps):
+            most = np.abs(np.nan_to_num(jumps)).max(axis=0)
+            self._jump = most if self._jump is None else np.maximum(self._jump, most)
+
+    def _window(self, end_ns: int, window: LawWindow, place: float) -> Found | None:
+        """Take one window."""
+        k = self._k
+        assert self._jump is not None, "a window has scans"
+        jump, self._jump = self._jump, None
+        kept = self._history
+        row = self._rows.step(window, keeps=bool(len(kept)))
+        if row is None:
+            return None
+        kept.ends_ns.append(end_ns)
+        kept.errors.append(row.errors)
+        kept.faults.append(row.faults)
+        load = float(np.sign(np.median(window.read[:, k.load])))
+        kept.ways.append((float(k.hypotheses.friction.way(window)), load))
+        kept.jumps.append(jump)
+        kept.places.append(place)
+        self._quiet = self._quiet + 1 if row.farthest <= NEAR else 0
+        self._due |= row.farthest > (FAR if self._told_last is None else SHOWS)
+        found = None
+        if self._due and self._quiet >= OVER_WINDOWS:
+            self._due = False
+            found = self._weighed()
+        if len(kept) >= KEPT_WINDOWS:
+            return self._trim() or found
+        return found
+
+    def _trim(self) -> Found | None:
+        """Forget the older half, but for how often something came in it; whether it is over."""
+        kept, cut, found, told = self._history, KEPT_WINDOWS // 2, self._latest, self._told_last
+        late = np.array(kept.errors[cut:])
+        if not bursts(np.abs(late).max(axis=1)):
+            self.rearm()
+            return None if told is None else Found({}, told)
+        if found is not None and told is not None:
+            early = found.states[:cut]
+            self._before = self._occurrence(replace(found, states=early))
+        kept.drop(cut)
+        self._latest = None
+        return None
+
+    def _weighed(self) -> Found | None:
+        """What comes and goes in the windows that are kept; None where nothing does."""
+        k = self._k
+        signatures = k.hypotheses.signatures
+        part = self._history.part(signatures.shape)
+        readings = [number for _, number in k.faults]
+        every = recurring(part, signatures.prior, np.array(k.usable), readings)
+        if not every:
+            return None
+        limit = max(self._drop_nats, SHARE * every[0].nats)
+        fits: dict[str, Fit] = {}
+        for each in every:
+            if each.nats >= every[0].nats - limit:
+                fits.setdefault(k.faults[each.model][0], self._fit(each))
+        self._latest = every[0]
+        told = self._told_last = self._occurrence(every[0])
+        return None if told is None else Found(fits, told)
+
+    def _fit(self, found: RecurringFault) -> Fit:
+        """Evidence of a fault, and its size where bursts are long enough to show it."""
+        k = self._k
+        model = k.hypotheses.signatures.models[found.model]
+        count = len(model.sizes)
+        unknown = (math.nan,) * count
+        sizes = tuple(found.size[:count].tolist()) if found.whole else unknown
+        sigmas = tuple(found.sigma[:count].tolist()) if found.whole else unknown
+        return Fit(model.fault, found.nats, sizes, KnownErrors(sigmas))
+
+    def _occurrence(self, found: RecurringFault) -> Recurrence | None:
+        """When and where it came, with what fell out of the history."""
+        k, kept, before = self._k, self._history, self._before
+        came = found.comings
+        if not len(came):
+            return before
+        delay_ns = round((0.5 * WINDOW_S + k.delay_s) * 1e9)
+        times_ns = [kept.ends_ns[place] - delay_ns for place in came]
+        places = np.array(kept.places[: len(found.states)])
+        windows_s = float((found.states > 0).sum()) * WINDOW_S
+        # Smoothing lengthens each burst by as much as a kernel.
+        present_s = max(windows_s - 2.0 * k.delay_s * len(came), 0.0)
+        absent_s = float((found.states < 0).sum()) * WINDOW_S + windows_s - present_s
+        return Recurrence(
+            count=len(came) + (before.count if before else 0),
+            first_ns=before.first_ns if before else times_ns[0],
+            last_ns=times_ns[-1],
+            present_s=present_s + (before.present_s if before else 0.0),
+            absent_s=absent_s + (before.absent_s if before else 0.0),
+            shortest_s=2.0 * k.delay_s,
+            every_s=rhythm(np.array(times_ns) / 1e9),
+            place=gathered(places[came], places[found.states != 0]),
+        )
+
+
+def _placed(block: ResidualBlock, position: str) -> ResidualBlock:
+    """The same residuals with the place along the stroke; NaN where nothing reads it."""
+    names = block.regressor_names
+    place = np.full(len(block), math.nan)
+    if position in names:
+        place = block.regressors[:, names.index(position)]
+    columns = block.regressors[:, :-2], place, block.regressors[:, -2:]
+    names = (*names[:-2], PLACE, *names[-2:])
+    return replace(block, regressors=np.column_stack(columns), regressor_names=names)

@@ -1,0 +1,106 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which fault comes and goes, in windows that are made up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from flea_diag.core.evidence.fault_signatures import SizePrior
+from flea_diag.core.recurrence.occurrence import gathered, rhythm
+from flea_diag.core.recurrence.recurring import RecurringFault, StreamPart, recurring
+
+Array = npt.NDArray[np.float64]
+
+WINDOWS = 200
+CAME = (20, 51, 90, 118, 160)
+"""Windows with which it comes, five times, for four windows each."""
+ANY_SIZE = SizePrior(*(np.array([[mean], [mean]]) for mean in (0.0, 10.0, -np.inf, np.inf)))
+
+
+def there() -> Array:
+    """Share of the fault in each window."""
+    share = np.zeros(WINDOWS)
+    for first in CAME:
+        share[first : first + 4] = 1.0
+    return share
+
+
+def swinging() -> Array:
+    """What the first fault acts by, a current; the second acts by a constant."""
+    return np.sin(0.3 * np.arange(WINDOWS))
+
+
+def stream(signal: Array, share: Array, ways: Array | None = None) -> StreamPart:
+    """One relation of unit noise that a fault of size 30 moves by this signal."""
+    noise = np.random.default_rng(3).normal(size=WINDOWS)
+    faults = np.stack((swinging(), np.ones(WINDOWS)), axis=-1)[:, None, :, None]
+    errors = (noise + 30.0 * share * signal)[:, None]
+    other = np.zeros((WINDOWS, 1)) if ways is None else ways[:, None]
+    return StreamPart(errors, faults, other, np.zeros((WINDOWS, 1)))
+
+
+def found(part: StreamPart, reading: int = -1) -> list[RecurringFault]:
+    return recurring(part, ANY_SIZE, np.array([True, True]), (reading, reading))
+
+
+def test_each_time_is_counted_and_its_size_is_told() -> None:
+    (best, *_) = found(stream(np.ones(WINDOWS), there()))
+    assert best.model == 1
+    assert len(best.comings) == len(CAME)
+    assert np.abs(best.comings - np.array(CAME)).max() <= 1
+    assert best.whole
+    assert best.size[0] == pytest.approx(30.0, rel=0.05)
+
+
+def test_a_fault_that_stays_comes_and_goes_by_what_it_acts_by() -> None:
+    """Its current swings through zero: bursts by the dozen, and no coming and going."""
+    assert found(stream(swinging(), np.ones(WINDOWS))) == []
+
+
+def test_what_is_there_in_one_direction_alone_may_stay() -> None:
+    ways = np.where(there() > 0.0, 1.0, -1.0)
+    assert found(stream(np.ones(WINDOWS), there(), ways)) == []
+
+
+def test_twice_is_not_enough() -> None:
+    share = there()
+    share[CAME[2] :] = 0.0
+    assert found(stream(np.ones(WINDOWS), share)) == []
+
+
+def test_an_error_of_a_reading_that_never_jumps_is_none() -> None:
+    part = stream(np.ones(WINDOWS), there())
+    assert found(part, reading=0) == []
+
+
+def test_noise_is_quiet() -> None:
+    assert found(stream(np.ones(WINDOWS), np.zeros(WINDOWS))) == []
+
+
+def test_a_rhythm_is_told_though_one_time_is_missing() -> None:
+    times_s = np.delete(np.arange(10.0, 30.0, 2.0), 4) + 0.05
+    assert rhythm(times_s) == pytest.approx(2.0, abs=0.05)
+    assert math.isnan(rhythm(np.cumsum([2.0, 2.9, 1.1, 3.7, 1.6, 2.4, 3.3])))
+
+
+def test_a_place_is_told_from_where_it_was_anyway() -> None:
+    everywhere = np.linspace(0.0, 0.1, 500)
+    assert gathered(np.full(8, 0.031), everywhere) == pytest.approx(0.031)
+    assert math.isnan(gathered(np.linspace(0.005, 0.095, 8), everywhere))

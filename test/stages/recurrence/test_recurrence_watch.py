@@ -1,0 +1,89 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A loose connector of the simulated stand: the winding is open for 0.2 s every 2 s."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.stages.digest import digest
+from flea_diag.tools.evaluate.case_run import in_blocks
+from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.messages.codec import decode, encode
+from flea_diag.wire.records import AmbiguityGroup, Record, Truth
+from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.stand import SimulatedStand
+
+ONSET_S = 10.0
+
+
+@cache
+def sent(on_s: float, off_s: float) -> tuple[Record, ...]:
+    """What the stand sends for 24 s; without times the fault stays."""
+    motion = {"kind": "sine", "amplitude_m": 0.0218, "frequency_hz": 0.5, "centre_m": 0.045}
+    times = {"on_s": on_s, "off_s": off_s} if on_s else {}
+    values = {
+        "motion": motion,
+        "duration_s": 24.0,
+        "seed": 16,
+        "sensors": {"vibration": False},
+        "faults": [{"fault": "winding_open", "onset_s": ONSET_S, **times}],
+    }
+    records = SimulatedStand(scenario_from_mapping(values, "contact"))
+    return tuple(record for record in records if not isinstance(record, Truth))
+
+
+@cache
+def told(on_s: float, off_s: float) -> tuple[Record | Block, ...]:
+    """What is said of it, in blocks."""
+    pipeline, said = make_pipeline(load_stand()), []
+    for record in in_blocks(sent(on_s, off_s)):
+        by_block = isinstance(record, ScanBlock)
+        said += pipeline.handle_block(record) if by_block else pipeline.handle(record)
+    return tuple(said) + pipeline.finish()
+
+
+def verdict(said: tuple[Record | Block, ...]) -> AmbiguityGroup:
+    return [record for record in said if isinstance(record, AmbiguityGroup)][-1]
+
+
+def test_an_opening_of_a_fifth_of_a_second_comes_and_goes() -> None:
+    group = verdict(told(0.2, 1.8))
+    (recurrence,) = group.comes_and_goes
+    assert "winding_open" in {member.fault for member in group.members}
+    assert len(group.members) <= 4
+    assert recurrence.count == pytest.approx(7, abs=1)
+    assert "comes and goes" in group.words
+    assert decode(AmbiguityGroup, encode(group, "flea")).comes_and_goes == (recurrence,)
+
+
+def test_one_that_stays_does_not() -> None:
+    group = verdict(told(0.0, 0.0))
+    assert "winding_open" in {member.fault for member in group.members}
+    assert group.comes_and_goes == ()
+
+
+def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
+    pipeline, said = make_pipeline(load_stand()), []
+    for record in sent(0.2, 1.8):
+        said += pipeline.handle(record)
+    alone = tuple(said) + pipeline.finish()
+    groups = [record for record in told(0.2, 1.8) if not isinstance(record, Block)]
+    assert digest(alone) == digest(groups)
+    assert verdict(alone).comes_and_goes == verdict(tuple(groups)).comes_and_goes
