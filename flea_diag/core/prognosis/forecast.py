@@ -108,7 +108,7 @@ def forecast(series: SizeSeries, laws: Sequence[GrowthLaw] = LAWS) -> Forecast |
     if len(series) < LEAST_RECORDINGS or span_s <= 0.0:
         return None
     shares = (series.times - start_s) / span_s
-    errors = _Errors.of(series)
+    errors = _SeriesErrors.of(series)
     grids = [_refined(law, series, shares, errors) for law in laws]
     law = np.repeat(np.arange(len(laws)), [len(logs) for _, _, logs in grids])
     first, last, logs = (np.concatenate(column) for column in zip(*grids, strict=True))
@@ -121,7 +121,7 @@ def forecast(series: SizeSeries, laws: Sequence[GrowthLaw] = LAWS) -> Forecast |
 
 
 @dataclass(frozen=True, eq=False)
-class _Errors:
+class _SeriesErrors:
     """``C`` at any ``s``, by the eigenvalues of ``L' D^-1 L``.
 
     With ``r`` over the own errors and ``u`` along the eigenvectors, ``r' C^-1 r`` is
@@ -142,12 +142,12 @@ class _Errors:
     eigenvalues: Array
 
     @staticmethod
-    def of(series: SizeSeries) -> _Errors:
+    def of(series: SizeSeries) -> _SeriesErrors:
         """Of the sizes of a series."""
         moved = series.from_unit / series.own[:, None]
         values, vectors = np.linalg.eigh(moved.T @ moved)
         shown = values > 1e-12 * max(float(values.max(initial=0.0)), 1.0)
-        return _Errors(series.own, (moved @ vectors[:, shown]).T, values[shown])
+        return _SeriesErrors(series.own, (moved @ vectors[:, shown]).T, values[shown])
 
     def logs(self, left: Array) -> Array:
         """Log weights of columns of what is left, shape (n, columns), over all ``SCALES``."""
@@ -165,7 +165,7 @@ class _Errors:
 
 
 def _refined(
-    law: GrowthLaw, series: SizeSeries, shares: Array, errors: _Errors
+    law: GrowthLaw, series: SizeSeries, shares: Array, errors: _SeriesErrors
 ) -> tuple[Array, Array, Array]:
     """Sizes at the first and the last recording and their log weights, on the closest grid."""
     low, high = _box(series)

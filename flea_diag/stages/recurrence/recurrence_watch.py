@@ -42,7 +42,7 @@ from flea_diag.core.recurrence.recurring import (
     bursts,
     recurring,
 )
-from flea_diag.core.recurrence.stream_history import StreamHistory
+from flea_diag.core.recurrence.watched_windows import WatchedWindows
 from flea_diag.core.recurrence.stream_rows import StreamRows
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S
 from flea_diag.wire.blocks import ResidualBlock, block_of
@@ -104,7 +104,7 @@ class RecurrenceKnowledge(Frozen):
 
 
 @dataclass(frozen=True)
-class Found:
+class ComesAndGoes:
     """Faults that come and go, the most likely first, each with its fit, and when they came.
 
     Without a fault it is over.
@@ -134,7 +134,7 @@ class RecurrenceWatch:
 
     def rearm(self) -> None:
         """What was found is over."""
-        self._history = StreamHistory()
+        self._history = WatchedWindows()
         self._quiet, self._due = 0, False
         self._before: Recurrence | None = None
         """What fell out of the history."""
@@ -142,7 +142,7 @@ class RecurrenceWatch:
         self._told_last: Recurrence | None = None
         self._jump: Array | None = None
 
-    def step(self, record: Residual, offsets: Offsets) -> Found | None:
+    def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
         self._begin(record.stamp_ns)
         self._waiting.append(record)
@@ -150,7 +150,7 @@ class RecurrenceWatch:
             return None
         return next((found for _, found in self._take(self._flushed(), offsets)), None)
 
-    def take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, Found]]:
+    def take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take n scans; yields how many have been taken when something is found, and what."""
         if not len(block):
             return
@@ -170,7 +170,7 @@ class RecurrenceWatch:
             self.forget()
         self._last_ns = stamp_ns
 
-    def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, Found]]:
+    def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take scans of one piece."""
         k = self._k
         self._last_ns = int(block.stamps_ns[-1])
@@ -196,7 +196,7 @@ class RecurrenceWatch:
             most = np.abs(np.nan_to_num(jumps)).max(axis=0)
             self._jump = most if self._jump is None else np.maximum(self._jump, most)
 
-    def _window(self, end_ns: int, window: LawWindow, place: float) -> Found | None:
+    def _window(self, end_ns: int, window: LawWindow, place: float) -> ComesAndGoes | None:
         """Take one window."""
         k = self._k
         assert self._jump is not None, "a window has scans"
@@ -222,13 +222,13 @@ class RecurrenceWatch:
             return self._trim() or found
         return found
 
-    def _trim(self) -> Found | None:
+    def _trim(self) -> ComesAndGoes | None:
         """Forget the older half, but for how often something came in it; whether it is over."""
         kept, cut, found, told = self._history, KEPT_WINDOWS // 2, self._latest, self._told_last
         late = np.array(kept.errors[cut:])
         if not bursts(np.abs(late).max(axis=1)):
             self.rearm()
-            return None if told is None else Found({}, told)
+            return None if told is None else ComesAndGoes({}, told)
         if found is not None and told is not None:
             early = found.states[:cut]
             self._before = self._occurrence(replace(found, states=early))
@@ -236,7 +236,7 @@ class RecurrenceWatch:
         self._latest = None
         return None
 
-    def _weighed(self) -> Found | None:
+    def _weighed(self) -> ComesAndGoes | None:
         """What comes and goes in the windows that are kept; None where nothing does."""
         k = self._k
         signatures = k.hypotheses.signatures
@@ -252,7 +252,7 @@ class RecurrenceWatch:
                 fits.setdefault(k.faults[each.model][0], self._fit(each))
         self._latest = every[0]
         told = self._told_last = self._occurrence(every[0])
-        return None if told is None else Found(fits, told)
+        return None if told is None else ComesAndGoes(fits, told)
 
     def _fit(self, found: RecurringFault) -> Fit:
         """Evidence of a fault, and its size where bursts are long enough to show it."""

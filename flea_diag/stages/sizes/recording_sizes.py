@@ -40,6 +40,7 @@ SETTLES_S = 1.0
 PIECE_S = 4.0
 """Pieces by whose scatter the noise is known: longer than it is coloured, and some in 30 s."""
 LEAST_PIECES = 3
+"""A scatter of fewer says nothing."""
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@
 
 """Channels that are wired wrong, and machines that are not: what is said of the wiring.
 
-python bench/robustness/wirings.py                  4 runs of each wiring and fault and machine
-python bench/robustness/wirings.py 1 --machine ema --seed 9000
+python bench/faults/wirings.py                  4 runs of each wiring and fault and machine
+python bench/faults/wirings.py 1 --machine ema --seed 9000
 
 A wiring is named if the last verdict is DATA_UNUSABLE with its words, alone or with others, and a
 pair if it stands beside faults. Correctly wired runs must say nothing of it, healthy or with a
@@ -156,7 +156,7 @@ def main() -> int:
             figures.append(share(f"{kind}: {result}", results.count(result), len(results)))
     for figure in figures:
         print(f"{figure.name}: {figure.value:.1f} % of {figure.n}")
-    write_summary("bench/robustness/wirings.py", figures, arguments.json)
+    write_summary("bench/faults/wirings.py", figures, arguments.json)
     return 0
 
 

@@ -14,8 +14,8 @@
 
 """Units that wear out: when growth is shown, how well the end is foretold, and what progpy says.
 
-python bench/robustness/remaining_life.py measure sizes.json          8 units of each kind of wear
-python bench/robustness/remaining_life.py score sizes.json --json FILE
+python bench/faults/remaining_life.py measure sizes.json          8 units of each kind of wear
+python bench/faults/remaining_life.py score sizes.json --json FILE
 
 ``measure`` simulates units of their own, as new and then with a fault that grows from recording to
 recording. A unit has one motion, that of its test; each recording has a load, a room and noise of
@@ -356,7 +356,7 @@ def main() -> int:
         print("progpy is not installed: no comparison")
     for figure in figures:
         print(f"{figure.name}: {figure.value:.1f} {figure.unit} of {figure.n}")
-    write_summary("bench/robustness/remaining_life.py", figures, arguments.json)
+    write_summary("bench/faults/remaining_life.py", figures, arguments.json)
     return 0
 
 

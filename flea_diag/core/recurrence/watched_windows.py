@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass
-class StreamHistory:
+class WatchedWindows:
     """Windows of a stream since something was first far out.
 
     Attributes

@@ -14,8 +14,8 @@
 
 """Pairs of faults, at once and 8 s apart, beside each of their members alone.
 
-python bench/robustness/pairs_of_faults.py               30 pairs of each machine
-python bench/robustness/pairs_of_faults.py 5 --machine ema --seed 4400
+python bench/faults/pairs_of_faults.py               30 pairs of each machine
+python bench/faults/pairs_of_faults.py 5 --machine ema --seed 4400
 
 Two faults are drawn from the catalogue with sizes by the machine's own. A pair counts where each
 member alone is detected and in its last group, and where both act differently on the relations.
@@ -206,7 +206,7 @@ def main() -> int:
     figures = [each for kind, rows in found.items() for each in figures_of(rows, kind)]
     for figure in figures:
         print(f"{figure.name}: {figure.value:.1f} % of {figure.n}")
-    write_summary("bench/robustness/pairs_of_faults.py", figures, arguments.json)
+    write_summary("bench/faults/pairs_of_faults.py", figures, arguments.json)
     return 0
 
 
