@@ -32,7 +32,7 @@ from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.verdict_record import VerdictRecord
 from flea_diag.stages.merge import Merge
-from flea_diag.stages.recurrence.recurrence_watch import Found
+from flea_diag.stages.recurrence.recurrence_watch import ComesAndGoes
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -193,7 +193,7 @@ class EpisodeLifecycle:
         self._update_by_alarm(stamp_ns, episode, alarm)
         return episode
 
-    def recur(self, stamp_ns: int, found: Found) -> None:
+    def recur(self, stamp_ns: int, found: ComesAndGoes) -> None:
         """Faults come and go: the open episode is theirs, or a new one; without any it is over.
 
         One that vibration or the own test of a sensor opened has evidence of its own.

@@ -25,7 +25,7 @@ from flea_diag.stages.isolator.output import IsolatorOutput, Records
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
-from flea_diag.stages.recurrence.recurrence_watch import Found, RecurrenceWatch
+from flea_diag.stages.recurrence.recurrence_watch import ComesAndGoes, RecurrenceWatch
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Record, Residual
 
@@ -71,12 +71,12 @@ class ScanIsolation:
         out.extend(self._scans(block.part(slice(begun, None))))
         return tuple(out)
 
-    def _watched(self, record: Residual) -> Found | None:
+    def _watched(self, record: Residual) -> ComesAndGoes | None:
         """What comes and goes, by one more scan."""
         watch = self._recurrence
         return None if watch is None else watch.step(record, self._stand.offsets)
 
-    def _recur(self, stamp_ns: int, found: Found) -> Records:
+    def _recur(self, stamp_ns: int, found: ComesAndGoes) -> Records:
         """A fault comes and goes, has come once more, or is over."""
         self._episodes.recur(stamp_ns, found)
         return self._output.say(stamp_ns)

@@ -42,8 +42,8 @@ from flea_diag.core.recurrence.recurring import (
     bursts,
     recurring,
 )
-from flea_diag.core.recurrence.watched_windows import WatchedWindows
 from flea_diag.core.recurrence.stream_rows import StreamRows
+from flea_diag.core.recurrence.watched_windows import WatchedWindows
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
