@@ -189,7 +189,7 @@ class RunLearning:
         self._most = float(chdtri(count, CHANCE))
         self._tight, self._wide = (self._prior(reach) for reach in (1.0, REACH))
         self.covariance = np.zeros((count, count))
-        self._still, self._watched = 0, 0
+        self._still, self._watched, self.restarts = 0, 0, False
         self._watch = _Sums(width, self.least)
         # What friction and mass are like in this run: a drag is no payload at each new start.
         self._beside = np.zeros(width)
@@ -268,6 +268,7 @@ class RunLearning:
         if error > self._aim:
             return False
         same, self._aim = self.waits and self._is_same(change, covariance), error / 2.0
+        self.restarts = self.waits and not same
         self.stage = Stage.KNOWN if error <= LAST else Stage.REFINED
         self._beside = np.append(np.zeros(len(change)), every[len(change) :])
         if same:

@@ -141,6 +141,11 @@ class RunWatch:
         return self._learning.waits
 
     @property
+    def restarts(self) -> bool:
+        """Whether the values in use are others, not the same made more exact."""
+        return self._learning.restarts
+
+    @property
     def values(self) -> Mapping[str, float]:
         """Free parameter -> its value in use."""
         return self._learning.values
