@@ -184,7 +184,7 @@ def description(made: Foreign) -> dict[str, Any]:
             "kind": "difference", "channel": "actuator_position", "reference": "load_position",
             "offset": "angle_offset", "unit": "rad",
         }  # fmt: skip
-        top["free_per_run"] = ["weight_level_n_m", "weight_upright_n_m"]
+        top["free_per_run"] = ["weight_level_n_m", "weight_upright_n_m", "reflected_mass_kg"]
     else:
         p |= {"weight": (n.weight * sheet["weight"], "N"), "bus_level": (n.supply, "V"),
               "drive_gain": (1.0, "1"), "drive_offset": (0.0, "V"),
@@ -219,7 +219,7 @@ def description(made: Foreign) -> dict[str, Any]:
         top["supplies"] = {
             "mains": {"channel": "bus_voltage", "low": 0.93 * n.supply, "high": 1.07 * n.supply}
         }
-        top["free_per_run"] = ["weight_n"]
+        top["free_per_run"] = ["weight_n", "reflected_mass_kg"]
     sensors["motor_temperature"] = {"at": "motor_node", "unit": "degC"}
     for name, row in sensors.items():
         row["noise"] = max(noise[name], 1e-7)

@@ -23,7 +23,7 @@ from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.stream import StreamState
 from flea_diag.operator.words import tr
-from flea_diag.wire.records import MODE, ChannelQuality, Health, Level, Quality, Scan
+from flea_diag.wire.records import TOLD, ChannelQuality, Health, Level, Quality, Scan
 from flea_diag.wire.wording import QUALITY_LEVEL
 
 COMPONENT = ": "
@@ -97,8 +97,8 @@ def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
         return None
     rows = quality_rows(state, now_ns)
     bad = [row for row in rows if row.quality != Quality.GOOD]
-    modes = [row for row in rows if row.channel == MODE and row.quality == Quality.GOOD]
-    good = len(rows) - len(bad) - len(modes)
+    told = [row for row in rows if row.channel in TOLD and row.quality == Quality.GOOD]
+    good = len(rows) - len(bad) - len(told)
     lines = tuple(
         Line(
             f"{row.channel:28} {tr(row.quality.value)} {tr('since')} {clock(row.since_ns)}: "
@@ -109,11 +109,11 @@ def channels(state: OperatorState, now_ns: int = 0) -> Panel | None:
     )
     lines += tuple(
         Line(f"{row.channel:28} {row.reason} {tr('since')} {clock(row.since_ns)}")
-        for row in modes
+        for row in told
         if row.reason
     )
-    told = tr("{good} good, {bad} not", good=good, bad=len(bad))
-    return Panel("channels", f"{tr('CHANNELS')}  {told}", lines)
+    counts = tr("{good} good, {bad} not", good=good, bad=len(bad))
+    return Panel("channels", f"{tr('CHANNELS')}  {counts}", lines)
 
 
 def compiling(state: OperatorState) -> str:

@@ -33,6 +33,7 @@ from flea_diag.wire.vocabulary import BY_DESIGN as BY_DESIGN
 from flea_diag.wire.vocabulary import DRIVER_DEAD as DRIVER_DEAD
 from flea_diag.wire.vocabulary import EARLIER_LEVEL as EARLIER_LEVEL
 from flea_diag.wire.vocabulary import END_OF_TRAVEL as END_OF_TRAVEL
+from flea_diag.wire.vocabulary import FREE_PER_RUN as FREE_PER_RUN
 from flea_diag.wire.vocabulary import MODE as MODE
 from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
 from flea_diag.wire.vocabulary import OFF_RATE as OFF_RATE
@@ -44,6 +45,7 @@ from flea_diag.wire.vocabulary import STARVING as STARVING
 from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
 from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
+from flea_diag.wire.vocabulary import TOLD as TOLD
 from flea_diag.wire.vocabulary import VIBRATION as VIBRATION
 from flea_diag.wire.vocabulary import WIRING as WIRING
 from flea_diag.wire.vocabulary import Cause as Cause

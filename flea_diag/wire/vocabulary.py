@@ -40,6 +40,10 @@ OUTSIDE_CALIBRATION = "outside_calibration"
 """Row of ``data_quality`` while the motion is far outside what the calibration has seen."""
 MODE = "mode"
 """Row of ``data_quality`` of a machine whose modes a channel tells: which hold, what follows."""
+FREE_PER_RUN = "free_per_run"
+"""Row of ``data_quality`` of a run that has values of its own, such as another payload."""
+TOLD = (MODE, FREE_PER_RUN)
+"""Rows of ``data_quality`` that say something of a machine that is well."""
 OTHER_UNIT = "unit"
 """Row of ``data_quality`` of a unit that is none of the calibration's, with what differs: saturated
 beyond what healthy units differ by, else good."""

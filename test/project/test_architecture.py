@@ -203,6 +203,7 @@ ARROWS = {
             "bond_graph",
             "symbolic",
             "run_law",
+            "likelihood",
         ),
         "wiring": ("calibration", "detection", "likelihood", "residuals", "sensors"),
         "isolation": (

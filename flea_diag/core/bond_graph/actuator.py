@@ -40,6 +40,7 @@ from flea_diag.core.bond_graph.supplies import supplies
 from flea_diag.core.bond_graph.tolerance import free_per_run, tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.scan_counts import SMOOTHING_S, SMOOTHINGS_S
+from flea_diag.core.symbolic.expression import Expression, evaluate
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
@@ -76,6 +77,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
     graph = bond_graph(top.name, tuple(elements), tuple(arrows), parameters)
     units = {name: sensor.unit for name, sensor in sensors.items()}
     residuals = described_residuals(top.residuals, where)
+    base = base_parameters(top.base_parameters, graph.parameters, f"{where}: base_parameters")
     result = Actuator(
         top.name,
         top.description,
@@ -86,18 +88,24 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         _views(top, sensors, graph, where),
         _operating(top, where),
         residuals,
-        base_parameters(top.base_parameters, graph.parameters, f"{where}: base_parameters"),
+        base,
         top.predicted,
         travel(top.travel, graph, {s.at for s in sensors.values() if s.integrates}, where),
         tolerances(top.tolerances, (*top.base_parameters, HEATING), f"{where}: tolerances"),
         top.smoothing_s,
-        free_per_run(top.free_per_run, top.base_parameters, f"{where}: free_per_run"),
+        free_per_run(top.free_per_run, _base_values(graph, base), f"{where}: free_per_run"),
         modes(top.modes, graph, inputs | units, top.residuals, where),
         supplies(top.supplies, sensors, _held(residuals), graph.values(), where),
     )
     if sound:
         _check(result, where)
     return result
+
+
+def _base_values(graph: BondGraph, base: Mapping[str, Expression]) -> dict[str, float]:
+    """Base parameters with the values that the description gives them."""
+    values = graph.values()
+    return {name: float(evaluate(product, values)) for name, product in base.items()}
 
 
 def _held(residuals: Mapping[str, ResidualSpec]) -> dict[str, tuple[str, str]]:
@@ -127,7 +135,7 @@ class _Description:
     tolerances: Mapping[str, Any] = field(default_factory=dict)
     travel: Mapping[str, Any] = field(default_factory=dict)
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
-    free_per_run: tuple[str, ...] = ()
+    free_per_run: Any = ()
     modes: Mapping[str, Any] = field(default_factory=dict)
     supplies: Mapping[str, Any] = field(default_factory=dict)
 

@@ -157,8 +157,8 @@ class Actuator:
     """Base parameter -> by how much healthy units differ in it."""
     smoothing_s: float = SMOOTHING_S
     """Time over which readings are smoothed."""
-    free_per_run: tuple[str, ...] = ()
-    """Base parameters that any recording may have its own value of: a payload, a counterweight."""
+    free_per_run: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Base parameters that any recording may have its own value of, such as a payload -> range."""
     modes: Mapping[str, MachineMode] = field(default_factory=dict)
     """Modes that a channel tells, by name."""
     supplies: Mapping[str, Supply] = field(default_factory=dict)

@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,20 +61,44 @@ def tolerances(content: Any, known: Collection[str], where: str) -> dict[str, To
     return found
 
 
-def free_per_run(names: Collection[str], known: Collection[str], where: str) -> tuple[str, ...]:
-    """Base parameters that a description leaves free in each run.
+def free_per_run(
+    content: Any, values: Mapping[str, float], where: str
+) -> dict[str, tuple[float, float]]:
+    """Base parameters that any recording may have its own value of, each with its range.
+
+    ``name: [low, high]`` states a range; of a list of names each keeps its sign. ``values`` are
+    those of the description.
 
     Raises
     ------
     ConfigurationError
-        A name is not among those known.
+        A name is not among those known, a range is none, or the description lies outside of it.
     """
-    for name in names:
-        if name not in known:
+    if isinstance(content, Mapping):
+        ranges = read_as(dict[str, tuple[float, float]], content, where)
+    else:
+        names = read_as(tuple[str, ...], content, where)
+        ranges = {name: _of_sign(values.get(name, 0.0)) for name in names}
+    for name, (low, high) in ranges.items():
+        if name not in values:
             raise ConfigurationError(
-                f"{where}: {shown(name)} is no base parameter, known are {', '.join(known)}"
+                f"{where}: {shown(name)} is no base parameter, known are {', '.join(values)}"
             )
-    return tuple(names)
+        if not low < high:
+            raise ConfigurationError(
+                f"{where}: {name} = [{low:g}, {high:g}] must be a range, the lower end first"
+            )
+        if not low <= values[name] <= high:
+            raise ConfigurationError(
+                f"{where}: {name} of this description is {values[name]:g}, outside of its range "
+                f"{low:g} to {high:g}; widen the range or mend the value"
+            )
+    return ranges
+
+
+def _of_sign(value: float) -> tuple[float, float]:
+    """All values of this sign."""
+    return (0.0 if value > 0.0 else -math.inf, 0.0 if value < 0.0 else math.inf)
 
 
 def _tolerance(value: Any, where: str) -> Tolerance:

@@ -103,6 +103,7 @@ def relation_set(
         described=_described(actuator, held),
         tolerances=actuator.tolerances,
         base_units=actuator.base_units,
+        free=actuator.free_per_run,
     )
 
 

@@ -116,6 +116,8 @@ class RelationSet(Frozen):
         Of the description, whatever sensors are fitted.
     tolerances
         Name -> by how much healthy units differ, where the description says so.
+    free
+        Base parameter that each run may have its own value of -> its range.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -137,6 +139,7 @@ class RelationSet(Frozen):
     residuals: ResidualSet = field(default_factory=lambda: ResidualSet({}, ()))
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
     base_units: Mapping[str, str] = field(default_factory=dict)
+    free: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -351,7 +351,8 @@ class ResidualRows:
     the motion, or of the push where the actuator is stalled. ``moving``, (n,), includes a
     standstill under a force that moves any healthy unit. ``modes``, shape (n, modes), are the
     states of ``ResidualSet.modes``. ``noise``, shape (n, residuals), is how much noisier each value
-    is for readings that are missing; None: they are all there.
+    is for readings that are missing; None: they are all there. ``doubt``, of the same shape, is the
+    variance by what is not known of this run, in times what was calibrated; None: as calibrated.
     """
 
     values: Array
@@ -361,6 +362,7 @@ class ResidualRows:
     moving: Flags
     modes: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
     noise: Array | None = None
+    doubt: Array | None = None
 
     def __len__(self) -> int:
         return len(self.values)

@@ -31,9 +31,10 @@ from flea_diag.core.residuals.unit_difference import LEAST
 
 Array = npt.NDArray[np.float64]
 
+DRAG = ("coulomb_friction_n", "viscous_friction_n_s_per_m")
+"""What a jam changes."""
 NUISANCE = (
-    "coulomb_friction_n",
-    "viscous_friction_n_s_per_m",
+    *DRAG,
     "reflected_mass_kg",
     "winding_resistance_ohm",
     "back_emf_v_s_per_m",

@@ -63,7 +63,9 @@ class IsolatorOutput:
         stand = self._stand
         # An episode says by its evidence what it rests on.
         unjudged = stand.unjudged.names if episode is None else ()
-        conditions = stand.contact, stand.mode, stand.outside, stand.beyond, stand.accepted
+        conditions = (
+            stand.contact, stand.mode, stand.run, stand.outside, stand.beyond, stand.accepted,
+        )  # fmt: skip
         wiring = stand.wiring and (stand.wiring.quality, stand.wiring.reason)
         unit = self._verdict.unit(stand) if episode is None else None
         state = (outcome, number, names, recurs, stand.bad, *conditions, unjudged, unit, wiring)

@@ -33,6 +33,7 @@ from flea_diag.errors import shown
 from flea_diag.stages.judgement.unjudged import Unjudged
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
+    FREE_PER_RUN,
     MODE,
     NEVER_NS,
     OFF_RATE,
@@ -81,6 +82,8 @@ class StandStatus:
     """The row of data quality while the actuator is at an end of its travel."""
     mode: ChannelQuality | None = None
     """The row of data quality while the machine is in a mode that a channel tells."""
+    run: ChannelQuality | None = None
+    """The row of data quality of what this run has of its own, such as another payload."""
     outside: ChannelQuality | None = None
     """The row of data quality while the motion is outside what the calibration has seen."""
     unjudged: Unjudged = field(default_factory=Unjudged)
@@ -170,7 +173,7 @@ class StandStatus:
         self.off_rate = next((r.reason for r in rows if r.reason.startswith(OFF_RATE)), "")
         self.contact = _condition(quality, END_OF_TRAVEL)
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
-        self.mode = next((r for r in quality.channels if r.channel == MODE and r.reason), None)
+        self.mode, self.run = (_said(quality, name) for name in (MODE, FREE_PER_RUN))
         self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
         self.wiring = next((r for r in quality.channels if r.channel == WIRING), None)
         self._take_ledger(quality)
@@ -245,6 +248,11 @@ def _condition(quality: DataQuality, name: str) -> ChannelQuality | None:
     """The row of a condition that holds: an end of travel, or a place outside the calibration."""
     rows = (row for row in quality.channels if row.channel == name)
     return next((row for row in rows if row.quality is Quality.SATURATED), None)
+
+
+def _said(quality: DataQuality, name: str) -> ChannelQuality | None:
+    """A row that says something of a machine that is well."""
+    return next((r for r in quality.channels if r.channel == name and r.reason), None)
 
 
 def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:

@@ -237,7 +237,8 @@ def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
     start += RESUMED if episode is not None and episode.resumed else ""
     assumption += _outside(stand) if episode is not None else ""
-    return assumption + _at_its_end(stand) + _in_mode(stand) + _taken_back(stand) + start
+    conditions = _at_its_end(stand) + _in_mode(stand) + _of_run(stand)
+    return assumption + conditions + _taken_back(stand) + start
 
 
 def _at_its_end(stand: StandStatus) -> str:
@@ -257,6 +258,14 @@ def _in_mode(stand: StandStatus) -> str:
     name, _, follows = stand.mode.reason.partition(": ")
     said = f"; {name} since {since_s:.2f} s after the start"
     return f"{said}, {follows}" if follows else said
+
+
+def _of_run(stand: StandStatus) -> str:
+    """Remark on what this run has of its own, or that it is not known yet."""
+    if stand.run is None:
+        return ""
+    since_s = (stand.run.since_ns - stand.start_ns) / 1e9
+    return f"; {stand.run.reason}, since {since_s:.2f} s after the start"
 
 
 def _outside(stand: StandStatus) -> str:

@@ -113,8 +113,8 @@ class JudgementLedger:
         self._recent: list[_Second] = []
         self._run = self._nothing()
         self._low: Flags = np.zeros(len(self._rows), dtype=bool)
-        self.mode = ""
-        """Mode of the machine for which tests are void; empty: none."""
+        self.void_why = ""
+        """Why tests are void; empty: by an end of travel."""
         self.turned = False
         """Whether the last scan has changed which tests count as not judged."""
         self.unsaid = False
@@ -247,7 +247,7 @@ class JudgementLedger:
             return Cause.GAP, f"{_share(lost, scans + lost)} of the scans lost"
         if self._rows[test].gate != "sensor":
             if void:
-                return Cause.VOID, f"void in mode {self.mode}" if self.mode else AT_END
+                return Cause.VOID, self.void_why or AT_END
             if outside:
                 return Cause.OUTSIDE, "outside the calibration"
         return Cause.UNFORMED, "not formed: settling, or too few scans in a row"

@@ -29,6 +29,8 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.conditions.envelope_watch import ANYWHERE, EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.run_parameters import FreeTerms
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.sensors.reading_jump import ReadingJumps
@@ -43,7 +45,7 @@ from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
 from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
-from flea_diag.stages.observer.warm_up import Offsets, WarmUp
+from flea_diag.stages.observer.warm_up import Offsets, RunWatch, WarmUp
 from flea_diag.stages.stream.last_readings import LastReadings
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -122,6 +124,8 @@ class ResidualStream:
             else None
         )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s)
+        terms = FreeTerms.of(relations) if relations.free else None
+        self._run = RunWatch(relations, terms, c) if terms else None
         self._regressors = RegressorTable(effects, c.parameters, answers)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)
         self._tests = tests
@@ -197,6 +201,8 @@ class ResidualStream:
         ``frozen`` stops corrections of estimates.
         """
         before_ns, self._last_ns = self._last_ns, int(stamps_ns[-1])
+        if self._run is not None:
+            self._adopt_run(self._run)
         rows, sensors = self._sensors.step(before_ns, stamps_ns, given)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0:
@@ -255,6 +261,9 @@ class ResidualStream:
         self.conditions.leave_out(residuals)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
+        if self._run is not None:
+            turn = min(turn, self._run.step(self._p, stamps_ns, residuals, frozen or not read))
+            void = void or self._run.waits
         if self._warm_up is not None:
             if self.modes.voids:
                 self._warm_up.begin(int(stamps_ns[-1]))
@@ -270,7 +279,7 @@ class ResidualStream:
         results.void = void
         if read:
             outside = self.envelope is not None and bool(self.envelope.outside)
-            self.ledger.mode = self.modes.words if self.modes.voids else ""
+            self.ledger.void_why = self._void_why
             told = self.ledger.take(
                 stamps_ns, rows, residuals, results.z, void or self.modes.voids, outside
             )
@@ -297,11 +306,23 @@ class ResidualStream:
     def told(self) -> bool:
         """Whether the last scan has changed what is reported of conditions or of judgement."""
         placed = self.envelope is not None and self.envelope.turned
-        return self.conditions.told or self.modes.told or placed or self.ledger.turned
+        return placed or self.ledger.turned or any(part.told for part in self._telling)
+
+    @property
+    def _telling(self) -> tuple[ConditionWatch | ModeWatch | RunWatch, ...]:
+        """What has rows of DataQuality of its own."""
+        return self.conditions, self.modes, *((self._run,) if self._run else ())
+
+    @property
+    def _void_why(self) -> str:
+        """Why relations are void, if not by a stop; empty otherwise."""
+        if self._run is not None and self._run.waits:
+            return "void while what this run has of its own is learned"
+        return f"void in mode {self.modes.words}" if self.modes.voids else ""
 
     def states(self) -> tuple[ChannelQuality, ...]:
         """Rows of DataQuality: contact, modes, the unit, and a place outside the calibration."""
-        rows = (*self.conditions.states(), *self.modes.states(), *self._unit)
+        rows = (*(row for part in self._telling for row in part.states()), *self._unit)
         if self.envelope is None or not self.envelope.outside:
             return rows
         words = self.envelope.words
@@ -328,12 +349,23 @@ class ResidualStream:
             for name, (_, sigma) in found.items()
         )
 
+    def _adopt_run(self, run: RunWatch) -> None:
+        """Use what this run has of its own, from the scan after the one that has shown it."""
+        if any(getattr(self._p, name) != value for name, value in run.values.items()):
+            self._use(replace(self._p, **run.values))
+            if run.restarts:
+                self._tests.restart(run.void)
+
+    def _use(self, parameters: ActuatorParameters) -> None:
+        """Use these parameters in every part that computes with them."""
+        self._p = parameters
+        self._bank.adopt(parameters)
+        self._estimate.adopt(parameters)
+        self._regressors.adopt(parameters)
+
     def _adopt(self, offsets: Offsets) -> None:
         """Use these offsets in every part; ends the warm-up."""
         self._warm_up = None
         moved = {name: getattr(self._p, name) + by for name, (by, _) in offsets.items()}
-        self._p = replace(self._p, **moved)
-        self._bank.adopt(self._p)
-        self._estimate.adopt(self._p)
-        self._regressors.adopt(self._p)
+        self._use(replace(self._p, **moved))
         self._tests.adopt(offsets)

@@ -77,7 +77,10 @@ class ResidualTests:
         if self._disabled:
             residuals.values[:, self._disabled] = np.nan
         near = self._scaled(self._scaled(residuals, residuals.noise), place.travel)
-        results = self._z_tests.step(near, place.variance())
+        growth = place.variance()
+        if residuals.doubt is not None:
+            growth = residuals.doubt if growth is None else growth * residuals.doubt
+        results = self._z_tests.step(near, growth)
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
@@ -97,6 +100,11 @@ class ResidualTests:
     def forget(self, columns: list[int]) -> None:
         """Empty the windows of these residuals."""
         self._z_tests.forget(columns)
+
+    def restart(self, columns: list[int]) -> None:
+        """These residuals have another zero from now on: no level of before counts."""
+        self._z_tests.forget(columns)
+        self._mean_shift.turn(opened=False)
 
     def disable_thermal(self) -> None:
         """Test no thermal residual until the episode is closed."""
@@ -146,6 +154,9 @@ class SensorTestsAlone:
 
     def forget(self, columns: list[int]) -> None:
         """There are no windows."""
+
+    def restart(self, columns: list[int]) -> None:
+        """There are no levels."""
 
     def disable_thermal(self) -> None:
         """No thermal residual is tested."""

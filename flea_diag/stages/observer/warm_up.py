@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Warm-up of a stream: the sensor offsets of this unit are learned once, at its start."""
+"""What is learned of this unit and of this run.
+
+The zeros of a unit's sensors are learned once, in the warm-up of a stream; what a description
+leaves free per run, such as a payload, at the start and again after each rest.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +26,15 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.likelihood.unit_start import UnitStart, unit_start
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, RunValue
+from flea_diag.core.likelihood.unit_start import SURE, UnitStart, unit_start
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
+from flea_diag.wire.records import FREE_PER_RUN, NEVER_NS, ChannelQuality, Quality
 
+Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 Offsets = Mapping[str, tuple[float, float]]
 """Unit parameter -> its change from the calibrated value, and the sigma of that."""
@@ -91,3 +99,110 @@ class WarmUp:
                 values = residuals.values[use, j]
                 spread = residuals.spread[use, self._known.spreading.index(j)]
                 learning.add(values, spread, limit.sigma[0] ** 2 * limit.correlation_samples)
+
+
+class RunWatch:
+    """What this run has of its own; a block ends before the scan with which that changes."""
+
+    def __init__(self, relations: RelationSet, terms: FreeTerms, calibration: Calibration) -> None:
+        c, known = calibration, relations.residuals
+        self._terms, self._calibrated = terms, c.parameters
+        self._known = known
+        limits = {name: limit for name in terms.relations if (limit := c.limit(name)) is not None}
+        # What has no limit is not judged, and nothing is learned from it.
+        variance = [
+            limits[n].sigma[0] ** 2 * limits[n].correlation_samples if n in limits else np.inf
+            for n in terms.relations
+        ]
+        self._least = np.array(
+            [
+                min(min(window.sigma) for window in limits[n].windows) if n in limits else np.inf
+                for n in terms.relations
+            ]
+        )
+        self._learning = RunLearning(
+            terms,
+            {name: getattr(c.parameters, name) for name in terms.free},
+            relations.free,
+            {name: getattr(c.tolerance, name) for name in terms.beside},
+            np.array(variance),
+            self._least,
+            c.counts,
+        )
+        self.void = [*known.of_relations(terms.relations), *known.columns(known.innovations)]
+        """Columns of what is not judged while another value is learned."""
+        self._since_ns = NEVER_NS
+        self.told = False
+        """Whether the last scan has changed what is reported."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether another value has shown that is not known yet."""
+        return self._learning.waits
+
+    @property
+    def restarts(self) -> bool:
+        """Whether the values in use are others, not the same made more exact."""
+        return self._learning.restarts
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Free parameter -> its value in use."""
+        return self._learning.values
+
+    def step(
+        self, parameters: ActuatorParameters, stamps_ns: Stamps, residuals: ResidualRows,
+        frozen: bool,
+    ) -> int:  # fmt: skip
+        """Take n scans and drop what is not judged; the first scan that changes that, or n."""
+        learning, before = self._learning, self._words
+        self.told = False
+        if self._since_ns == NEVER_NS:
+            self._since_ns = int(stamps_ns[0])
+        slopes = self._terms.of_scans(parameters, residuals.signals)
+        values = residuals.values[:, self._terms.columns]
+        moving = residuals.moving.tolist()
+        for scan in range(len(stamps_ns)):
+            if learning.step(moving[scan], values[scan], slopes[scan], frozen):
+                self.told = self._words != before
+                if self.told and scan == 0:
+                    self._since_ns = int(stamps_ns[0])
+                return scan
+            if learning.waits:
+                residuals.values[scan, self.void] = np.nan
+        if learning.covariance.any():
+            residuals.doubt = self._doubt(slopes)
+        return len(stamps_ns)
+
+    def _doubt(self, slopes: Array) -> Array:
+        """Variance of each residual, shape (n, residuals), in times what was calibrated."""
+        found = np.ones((len(slopes), len(self._known.rows)))
+        grown = 1.0 + np.square(self._learning.errors(slopes) / self._least)
+        for place, name in enumerate(self._terms.relations):
+            found[:, self._known.of_relation(name)] = grown[:, place, None]
+        return found
+
+    @property
+    def _words(self) -> str:
+        """The values that differ from the calibration's, or that they are being learned."""
+        if not self.waits:
+            return ", ".join(self._said(v) for v in self._learning.found if self._differs(v))
+        names, void = self._terms.free, (self._known.rows[j].name for j in self.void)
+        return f"{', '.join(names)} of this run being learned: {', '.join(void)} not tested"
+
+    def states(self) -> tuple[ChannelQuality, ...]:
+        """The row of DataQuality."""
+        if self._since_ns == NEVER_NS:
+            return ()
+        return (ChannelQuality(FREE_PER_RUN, Quality.GOOD, self._since_ns, self._words),)
+
+    def _differs(self, found: RunValue) -> bool:
+        """Whether a value is surely another one than that of the calibration."""
+        change = abs(found.value - getattr(self._calibrated, found.parameter))
+        return not found.within or change > SURE * found.sigma
+
+    def _said(self, found: RunValue) -> str:
+        calibrated = getattr(self._calibrated, found.parameter)
+        words = f"{found.parameter} {found.value:.4g} ± {found.sigma:.2g}"
+        follows = "" if found.within else ", outside its range: not taken"
+        return f"{words} in this run (calibrated: {calibrated:.4g}{follows})"

@@ -29,8 +29,8 @@ from flea_diag.operator.judgement_view import JudgedRow, judged_rows
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
 from flea_diag.wire.records import (
-    MODE,
     NEVER_NS,
+    TOLD,
     AmbiguityGroup,
     Candidate,
     ChannelQuality,
@@ -233,11 +233,11 @@ def _judged(records: Sequence[Record]) -> list[dict[str, Any]]:
 
 
 def _note(known: dict[str, Any], row: ChannelQuality, since_s: float | None) -> None:
-    turned = row.channel == MODE and row.reason != known.get("reason", "")
+    turned = row.channel in TOLD and row.reason != known.get("reason", "")
     if row.quality.value != known["quality"] or turned:
         if known["stretches"] and known["stretches"][-1]["to_s"] is None:
             known["stretches"][-1]["to_s"] = since_s
-        if row.quality not in _SOUND or (row.channel == MODE and row.reason):
+        if row.quality not in _SOUND or (row.channel in TOLD and row.reason):
             stretch = {"quality": row.quality.value, "reason": row.reason}
             known["stretches"].append({**stretch, "from_s": since_s, "to_s": None})
     known.update(quality=row.quality.value, reason=row.reason, counters=dict(row.counters))

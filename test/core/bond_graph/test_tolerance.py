@@ -16,9 +16,11 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from flea_diag.core.bond_graph.tolerance import Tolerance, tolerances
+from flea_diag.core.bond_graph.tolerance import Tolerance, free_per_run, tolerances
 from flea_diag.errors import ConfigurationError
 
 KNOWN = ("winding_resistance_ohm", "voltage_offset_v")
@@ -48,3 +50,32 @@ def test_a_share_is_of_the_value_and_a_number_is_an_amount() -> None:
 def test_what_is_no_tolerance_is_refused(content: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
         tolerances(content, KNOWN, "a.yaml")
+
+
+VALUES = {"weight_n": 130.0, "upright_n_m": -4.0, "offset_n": 0.0}
+
+
+def test_what_is_free_per_run_has_a_range_or_keeps_its_sign() -> None:
+    assert free_per_run({"weight_n": [0.0, 300.0]}, VALUES, "a.yaml") == {"weight_n": (0.0, 300.0)}
+    found = free_per_run(list(VALUES), VALUES, "a.yaml")
+    assert found == {
+        "weight_n": (0.0, math.inf),
+        "upright_n_m": (-math.inf, 0.0),
+        "offset_n": (-math.inf, math.inf),
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (["lead"], "a.yaml: 'lead' is no base parameter, known are weight_n"),
+        ({"weight_n": [300.0, 0.0]}, r"weight_n = \[300, 0\] must be a range, the lower end first"),
+        ({"weight_n": [0.0, 100.0]}, "weight_n of this description is 130, outside of its range 0"),
+        ({"weight_n": [0.0]}, "weight_n"),
+        ({"weight_n": "heavy"}, "weight_n"),
+    ],
+)
+def test_a_range_that_is_none_is_refused(content: object, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said) as refusal:
+        free_per_run(content, VALUES, "a.yaml")
+    assert "\n" not in str(refusal.value)
