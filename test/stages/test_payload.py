@@ -31,7 +31,7 @@ def records(machine: str, name: str, payload_kg: float, duration_s: float) -> li
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "payload_kg", "said"),
-    [("axis", 13.0, "carried_weight_n"), ("shoulder", 2.5, "arm_level_n_m")],
+    [("axis", 13.0, "carried_weight_n"), ("shoulder", 2.5, "arm_upright_n_m")],
 )
 def test_another_payload_is_said_and_is_no_fault(
     machine: str, payload_kg: float, said: str

@@ -43,6 +43,7 @@ FAULTS = [
     "motor_failure",
     "supply_open",
     "supply_short",
+    "supply_sag",
     "accelerometer_1_fault",
     "accelerometer_2_fault",
 ]

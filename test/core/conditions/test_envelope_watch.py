@@ -67,7 +67,8 @@ def residuals_of(rows: np.ndarray) -> ResidualRows:
 def part_of(residuals: ResidualRows, part: slice) -> ResidualRows:
     """Some of the scans; no reading is missing in them."""
     assert residuals.noise is None
-    names = (name for name in ResidualRows.__slots__ if name != "noise")
+    assert residuals.doubt is None
+    names = (name for name in ResidualRows.__slots__ if name not in ("noise", "doubt"))
     return ResidualRows(*(getattr(residuals, name)[part] for name in names))
 
 
