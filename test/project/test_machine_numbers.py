@@ -115,6 +115,8 @@ GENERAL: dict[Row, str] = {
     ("sensors/reading_jump.py", "WHOLE_S", 0.01): "longest a converter takes for a step",
     ("sensors/sensor_limits.py", "DROPOUT_S", 20.0): "memory of drop-outs",
     ("sensors/rest_watch.py", "REST_S", 0.03): "shorter than a drop-out",
+    ("likelihood/run_parameters.py", "REST_S", 0.5): "time in which a payload is exchanged",
+    ("likelihood/run_parameters.py", "EVERY_S", 0.1): "how often an estimate is looked at",
     ("sensors/sensor_limits.py", "LONGEST_REPEAT_S", 2.0): "longest wait for a test",
     ("sensors/unit_change.py", "LEAST_STEP_K", 0.3): "noise of a thermocouple",
     ("vibration/features_spectral.py", "BANDS_HZ", BANDS): "names of features, after the paper",

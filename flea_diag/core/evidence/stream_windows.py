@@ -31,6 +31,7 @@ from flea_diag.core.run_law.run_windows import (
     left_out,
     losses,
     own_name,
+    zeroed,
 )
 
 Array = npt.NDArray[np.float64]
@@ -133,7 +134,7 @@ class LawWindowMeans:
     def _formed(self, table: Array) -> Array:
         """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
         every = np.vstack((self._read, self._told))
-        formed = np.nan_to_num(table[:, every])
+        formed = zeroed(table[:, every])
         current = formed[..., self._current]
         before = current[:1] if self._before is None else self._before
         self._before = current[-1:]
@@ -149,7 +150,7 @@ class LawWindowMeans:
         known = np.isfinite(values)
         found = known.sum(axis=0)
         share = known / np.maximum(found, 1)
-        means = (np.nan_to_num(values) * share).sum(axis=0)
+        means = (zeroed(values) * share).sum(axis=0)
         means[2 * found <= len(values)] = np.nan
         motion = self._moves.step(*(signals[:, 0, k] for k in (self._way, self._load, self._speed)))
         told = np.einsum("nr,nrs->rs", share, signals[:, 1:])

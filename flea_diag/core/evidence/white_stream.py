@@ -24,6 +24,7 @@ import numpy.typing as npt
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.run_law.law_noise import BOUND
+from flea_diag.core.run_law.run_windows import zeroed
 from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals, WindowGain
 
 Array = npt.NDArray[np.float64]
@@ -66,13 +67,13 @@ class WhiteWindow:
 
 def weight_of(errors: Array) -> Array:
     """By how much a value counts that is so many standard deviations out, shape (relations, 1)."""
-    far = np.maximum(np.abs(np.nan_to_num(errors)), BOUND)
+    far = np.maximum(np.abs(zeroed(errors)), BOUND)
     return np.asarray(np.sqrt(BOUND / far))[:, None]
 
 
 def exact_share(errors: Array) -> Array:
     """Standard deviation of the noise over that of noise and model error, shape (relations, 1)."""
-    inexact = MODEL_ERROR * np.abs(np.nan_to_num(errors))
+    inexact = MODEL_ERROR * np.abs(zeroed(errors))
     return np.asarray(1.0 / np.maximum(inexact, 1.0))[:, None]
 
 

@@ -49,8 +49,10 @@ REST_S = 0.5
 """Standstill in which a payload may be exchanged."""
 WATCH_S = max(WINDOWS_S)
 """Motion after a rest in which another value shows, where it matters to any test."""
+EVERY_S = 0.1
+"""Motion between two looks at the estimate."""
 CHANCE = 0.01
-"""Probability with which a scan of the same value looks like another: that is then learned."""
+"""Probability with which a look at the same value looks like another: that is then learned."""
 TINY = 1e-12
 """Least scatter of a relation: a perfect one has none."""
 FIRST, LAST = 2.0, 1.0
@@ -186,7 +188,7 @@ class RunLearning:
         from scipy.special import chdtri
 
         count, width = len(self.terms.free), len(self.terms.free) + len(self.terms.beside)
-        self._most = float(chdtri(count, CHANCE))
+        self._most, self._every = float(chdtri(count, CHANCE)), self.counts.of(EVERY_S)
         self._tight, self._wide = (self._prior(reach) for reach in (1.0, REACH))
         self.covariance = np.zeros((count, count))
         self._still, self._watched, self.restarts = 0, 0, False
@@ -231,13 +233,9 @@ class RunLearning:
         learned while it is ``frozen``, within an episode.
         """
         self._still = 0 if moves else self._still + 1
+        if not frozen and not self.waits and self._still == self.counts.of(REST_S):
+            self._watch, self._watched = _Sums(len(slopes.T), self.least), self.counts.of(WATCH_S)
         if frozen or not moves:
-            rests = not frozen and not self.waits and self._still == self.counts.of(REST_S)
-            if rests:
-                self._watch, self._watched = (
-                    _Sums(len(slopes.T), self.least),
-                    self.counts.of(WATCH_S),
-                )
             return False
         known = np.isfinite(values) & np.isfinite(slopes).all(axis=1)
         if not known.any():
@@ -245,14 +243,14 @@ class RunLearning:
         if self._watched:
             self._watched -= 1
             self._watch.add(values, slopes, known, self.variance)
-            if self._shows():
+            if self._watch.scans % self._every == 0 and self._shows():
                 self._learn_anew(self._watch)
                 return True
         if self.stage is Stage.KNOWN:
             return False
         at_base = values - slopes[:, : len(self._change)] @ self._change
         self._sums.add(at_base, slopes, known, self.variance)
-        return self._learn()
+        return self._sums.scans % self._every == 0 and self._learn()
 
     def _shows(self) -> bool:
         """Whether the scans since a rest contradict the values in use."""

@@ -54,6 +54,11 @@ MOTIONS = ("turning", "load", "speed", "acceleration", "jerk")
 """What the noise grows with: sensors lag behind each other, and no description is exact."""
 
 
+def zeroed(values: Array) -> Array:
+    """The same with 0 where there is none: ``nan_to_num`` takes five times as long for a window."""
+    return np.where(np.isnan(values), 0.0, values)
+
+
 class WindowMotion:
     """How a machine moves, window by window."""
 
@@ -67,13 +72,13 @@ class WindowMotion:
         1 with a reversal or a standstill; squares of the mean load and speed, of the change of the
         speed over the window and of the change of that from the window before.
         """
-        load, speed = np.nan_to_num(load), np.nan_to_num(speed)
+        load, speed = zeroed(load), zeroed(speed)
         before = float(speed[0]) if self._speed is None else self._speed
         self._speed = float(speed[-1])
         change = self._speed - before
         jerk = change - (change if self._change is None else self._change)
         self._change = change
-        turns = float(abs(float(np.nan_to_num(direction).mean())) < TURNS)
+        turns = float(abs(float(zeroed(direction).mean())) < TURNS)
         return np.square([turns, float(load.mean()), float(speed.mean()), change, jerk])
 
 

@@ -44,7 +44,7 @@ from flea_diag.core.recurrence.recurring import (
 )
 from flea_diag.core.recurrence.stream_rows import StreamRows
 from flea_diag.core.recurrence.watched_windows import WatchedWindows
-from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S
+from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S, zeroed
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
 
@@ -193,7 +193,7 @@ class RecurrenceWatch:
     def _leap(self, jumps: Array) -> None:
         """By how much each reading has jumped so far in this window."""
         if len(jumps):
-            most = np.abs(np.nan_to_num(jumps)).max(axis=0)
+            most = np.abs(zeroed(jumps)).max(axis=0)
             self._jump = most if self._jump is None else np.maximum(self._jump, most)
 
     def _window(self, end_ns: int, window: LawWindow, place: float) -> ComesAndGoes | None:
