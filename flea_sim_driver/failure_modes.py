@@ -147,7 +147,8 @@ FAILURE_MODES: tuple[FailureMode, ...] = (
                 "balances of forces and voltages; while it is small it looks like drag", SHORTED,
                 {"size": 0.1, "growth_s": 10.0}),
     FailureMode("Solder joints", "Intermittent contact", "hybrid", "winding_open",
-                "gaps of 50 ms, as in a cracked joint", CONTACT, OPENED,
+                "gaps of 50 ms, as in a cracked joint", CONTACT,
+                (*OPENED, "winding_resistance_rise"),
                 {"on_s": 0.05, "off_s": 0.95}),
 )  # fmt: skip
 

@@ -82,7 +82,7 @@ def test_the_console_has_one_line_of_it_and_the_table_on_demand() -> None:
 def test_faults_that_were_not_looked_for_stand_together_by_their_reason() -> None:
     panels = {panel.name: panel for panel in view(*shown(GONE))}
     unseen = panels["unseen"]
-    assert unseen.title == "NOT LOOKED FOR (14)"
+    assert unseen.title == "NOT LOOKED FOR (15)"
     assert [line.text for line in unseen.lines if "jam" in line.text] == [
         "not looked for in the last 10 s: parity_mechanical (load_force lacks all of its readings):"
         " jam, ball_nut_friction, load_force_bias, load_force_drift, load_force_scaling"
@@ -95,7 +95,7 @@ def test_no_fault_is_both_looked_for_and_not() -> None:
         hidden = {fault for fault, _ in not_looked_for(state)}
         assert not hidden & set(looked_for(state))
         assert bool(hidden >= ABOUT_LOAD) == (load_cell != WHOLE)
-        assert len(hidden) + len(looked_for(state)) == 55
+        assert len(hidden) + len(looked_for(state)) == 56
 
 
 def test_a_test_at_rest_has_nothing_to_judge_and_is_not_counted_as_judged() -> None:

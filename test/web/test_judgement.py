@@ -49,7 +49,7 @@ def test_of_a_whole_stand_it_is_small_and_all_is_there_on_demand() -> None:
     text = in_the_open(drawn)
     assert text == (
         "✓ judged: 27 of 31 tests in the last 10 s Each of the 31 tests 49 faults looked for "
-        "6 faults not looked for, and why"
+        "7 faults not looked for, and why"
     )
     assert "parity_mechanical ✓ judged" in words(drawn)
     assert "jam, ball_nut_friction, backlash" in words(drawn)

@@ -114,7 +114,7 @@ class FreeTerms(Frozen):
         return table
 
 
-class Stage(Enum):
+class RunStage(Enum):
     """What is known of the values of this run."""
 
     LEARNED = auto()
@@ -209,13 +209,13 @@ class RunLearning:
 
     def _learn_anew(self, sums: _Sums) -> None:
         """Another value has shown in these scans, or it is the start."""
-        self.stage, self._sums, self._watched, self._aim = Stage.LEARNED, sums, 0, FIRST
+        self.stage, self._sums, self._watched, self._aim = RunStage.LEARNED, sums, 0, FIRST
         self._base, self._change = dict(self.values), np.zeros(len(self.terms.free))
 
     @property
     def waits(self) -> bool:
         """Whether relations that hold a free parameter are not to be judged."""
-        return self.stage is Stage.LEARNED
+        return self.stage is RunStage.LEARNED
 
     def errors(self, slopes: Array) -> Array:
         """Sigma of each relation by what is not known of the values in use, shape (n, relations).
@@ -246,7 +246,7 @@ class RunLearning:
             if self._watch.scans % self._every == 0 and self._shows():
                 self._learn_anew(self._watch)
                 return True
-        if self.stage is Stage.KNOWN:
+        if self.stage is RunStage.KNOWN:
             return False
         at_base = values - slopes[:, : len(self._change)] @ self._change
         self._sums.add(at_base, slopes, known, self.variance)
@@ -267,10 +267,10 @@ class RunLearning:
             return False
         same, self._aim = self.waits and self._is_same(change, covariance), error / 2.0
         self.restarts = self.waits and not same
-        self.stage = Stage.KNOWN if error <= LAST else Stage.REFINED
+        self.stage = RunStage.KNOWN if error <= LAST else RunStage.REFINED
         self._beside = np.append(np.zeros(len(change)), every[len(change) :])
         if same:
-            self.stage = Stage.KNOWN
+            self.stage = RunStage.KNOWN
             return True
         sigmas = np.sqrt(np.diag(covariance)).tolist()
         self.found = tuple(map(self._value, self.terms.free, change.tolist(), sigmas))
@@ -278,7 +278,7 @@ class RunLearning:
             self.values = {value.parameter: value.value for value in self.found}
             self._change, self.covariance = change, covariance
         else:
-            self.stage = Stage.KNOWN
+            self.stage = RunStage.KNOWN
         return True
 
     def _is_same(self, change: Array, covariance: Array) -> bool:

@@ -1,3 +1,17 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Values that each run may have of its own: when they are known, and what is none of them."""
 
 from __future__ import annotations
@@ -7,7 +21,7 @@ import math
 import numpy as np
 import pytest
 
-from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, Stage
+from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, RunStage
 from flea_diag.core.scan_counts import ScanCounts
 
 COUNTS = ScanCounts(0.01)
@@ -52,7 +66,7 @@ def test_a_weight_is_known_once_the_machine_has_gone_both_ways() -> None:
     run(learned, STROKE - 10, 130.0)
     assert learned.waits
     run(learned, 4 * STROKE, 130.0, start=STROKE - 10)
-    assert learned.stage is Stage.KNOWN
+    assert learned.stage is RunStage.KNOWN
     assert learned.values["weight_n"] == pytest.approx(130.0, abs=1.0)
     assert learned.found[0].within
 

@@ -65,7 +65,7 @@ def test_groups_that_slow_channels_cannot_split(full: Diagnosability) -> None:
     friction = {"jam", "spall", "ball_nut_friction"}
     for fault in friction:
         assert set(full.ambiguity[fault]) == friction
-    assert full.ambiguity["supply_open"] == ("supply_open", "supply_short")
+    assert full.ambiguity["supply_open"] == ("supply_open", "supply_short", "supply_sag")
     assert set(full.ambiguity["winding_open"]) == {"winding_open", "motor_failure"}
     assert full.ambiguity["winding_short"] == ("winding_short",)
 

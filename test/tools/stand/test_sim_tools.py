@@ -144,7 +144,7 @@ def test_the_catalogue_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     assert "unit_switch_jam" in text
     assert "load_position_dropout" in text
-    assert "Controller capacitors, Thermal runaway (hybrid): not: no temperature" in text
+    assert "Controller capacitors, Thermal runaway (hybrid): capacitor_runaway, growth_s 8" in text
 
 
 def test_the_papers_scenarios_are_written_as_files(tmp_path: Path) -> None:
