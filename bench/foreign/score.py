@@ -42,7 +42,7 @@ from machines import Foreign, drawn, readings
 from plant import Numbers, scaled, simulated, with_weight
 from summary import Figure, share, write_summary
 
-SCORED = {"hoist": (41, 9401), "arm": (42, 9402)}
+SCORED = {"hoist": (51, 9501), "arm": (52, 9502)}
 """Seeds of machine and runs that are scored once; written down before any of it was diagnosed."""
 SECONDS, UNITS, MOTIONS = 40.0, (1, 2, 3), 6
 MOST_MEMBERS = 3

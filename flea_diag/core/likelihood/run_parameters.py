@@ -168,8 +168,8 @@ class RunLearning:
     tolerance
         What is estimated beside -> one sigma of healthy units.
     variance, least
-        Of each relation the variance of an independent scan times how many scans one is, and the
-        least sigma of its tests; shape (relations,).
+        Of each relation the variance of a scan by which a mean of independent ones would scatter
+        as it does, and the least sigma of its tests; shape (relations,).
     """
 
     terms: FreeTerms

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, RunValue
 from flea_diag.core.likelihood.unit_start import SURE, UnitStart, unit_start
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
@@ -108,24 +109,15 @@ class RunWatch:
         c, known = calibration, relations.residuals
         self._terms, self._calibrated = terms, c.parameters
         self._known = known
-        limits = {name: limit for name in terms.relations if (limit := c.limit(name)) is not None}
-        # What has no limit is not judged, and nothing is learned from it.
-        variance = [
-            limits[n].sigma[0] ** 2 * limits[n].correlation_samples if n in limits else np.inf
-            for n in terms.relations
-        ]
-        self._least = np.array(
-            [
-                min(min(window.sigma) for window in limits[n].windows) if n in limits else np.inf
-                for n in terms.relations
-            ]
-        )
+        # Least sigma of a mean, and the noise of a scan that scatters a mean so long by as much.
+        scatter = np.array([_least(c.limit(name)) for name in terms.relations])
+        self._least, variance = scatter[:, 0], np.square(scatter[:, 0]) * scatter[:, 1]
         self._learning = RunLearning(
             terms,
             {name: getattr(c.parameters, name) for name in terms.free},
             relations.free,
             {name: getattr(c.tolerance, name) for name in terms.beside},
-            np.array(variance),
+            variance,
             self._least,
             c.counts,
         )
@@ -206,3 +198,10 @@ class RunWatch:
         words = f"{found.parameter} {found.value:.4g} ± {found.sigma:.2g}"
         follows = "" if found.within else ", outside its range: not taken"
         return f"{words} in this run (calibrated: {calibrated:.4g}{follows})"
+
+
+def _least(limit: ResidualLimit | None) -> tuple[float, float]:
+    """Least sigma of a mean and its scans; what has no limit says nothing."""
+    if limit is None:
+        return np.inf, 1.0
+    return min((min(window.sigma), float(window.window)) for window in limit.windows)
