@@ -146,7 +146,7 @@ def begins_with_jump(fault: Fault) -> bool:
 def missing_jump(fault: Fault, fit: Fit | None, jumps: Mapping[str, Jump]) -> str:
     """Why a fault with this fit must have begun with a larger jump; empty: it need not."""
     jump = jumps.get(fault.channel)
-    if jump is None or fit is None or not begins_with_jump(fault):
+    if jump is None or fit is None or not fit.sizes or not begins_with_jump(fault):
         return ""
     size = abs(fit.sizes[0])
     least = SEEN_SHARE * (size - SIGMAS * fit.sigmas[0])

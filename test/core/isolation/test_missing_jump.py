@@ -156,3 +156,5 @@ def test_without_a_size_or_a_memory_nothing_is_missing():
     bias = stands.knowledge().faults["load_force_bias"]
     assert not missing_jump(bias, None, {"load_force": Jump(0.0, 0.0)})
     assert not missing_jump(bias, Fit("load_force_bias", 9.0, (60.0,), Known()), {})
+    # No relation of the stand has a size of it.
+    assert not missing_jump(bias, Fit("load_force_bias", 0.0, ()), {"load_force": Jump(0.0, 0.0)})
