@@ -129,8 +129,13 @@ def meant(text: str) -> str:
     found = _LIST.search(text)
     if found is None or "did you mean" in text:
         return ""
-    word = nearest(found[1] or found[2], re.findall(r"[^\s,]+", found[3]))
-    return f"; did you mean {word}?" if word else ""
+    return question(found[1] or found[2], re.findall(r"[^\s,]+", found[3]))
+
+
+def question(word: str, known: Iterable[str]) -> str:
+    """Whether the known word was meant that is most like a mistyped one; empty where none is."""
+    close = nearest(word, known)
+    return f"; did you mean {close}?" if close else ""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

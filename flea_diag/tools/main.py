@@ -31,7 +31,7 @@ from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from flea_diag import __version__
-from flea_diag.errors import FleaError, line_of, nearest, shown
+from flea_diag.errors import FleaError, line_of, question, shown
 from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command
 
@@ -124,8 +124,7 @@ _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)", re.DOTAL
 
 def meant(word: str, known: Iterable[str]) -> str:
     """The question whether a similar word was meant; empty without one."""
-    close = nearest(word.partition("=")[0], known)
-    return f"; did you mean {close}?" if close else ""
+    return question(word.partition("=")[0], known)
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:

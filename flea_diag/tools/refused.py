@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from flea_diag.errors import FleaError
@@ -37,3 +39,11 @@ def refusing(work: Callable[[], Result]) -> Result | Refused:
         return work()
     except FleaError as error:
         return Refused(str(error))
+
+
+def why_failed(error: Exception) -> str:
+    """What a line says that has no result; of a defect also where it is."""
+    if isinstance(error, FleaError):
+        return str(error) or "failed without a message"
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"

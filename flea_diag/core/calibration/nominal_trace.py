@@ -26,7 +26,7 @@ from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.detection.coefficient_shift import CoefficientShift, coefficient_rows
 from flea_diag.core.flag_runs import flag_runs
-from flea_diag.core.likelihood.run_parameters import FreeTerms, own_values
+from flea_diag.core.likelihood.run_parameters import free_terms, own_values
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
@@ -76,7 +76,7 @@ def trace(
     counts = ScanCounts(period_s, relations.residuals.smoothing_s)
     bank = ResidualBank(identified.parameters, relations, period_s=period_s, counts=counts)
     residuals = bank.step(run.rows, frozen=False)
-    terms = FreeTerms.of(relations)
+    terms = free_terms(relations)
     if terms is not None:
         # What a diagnosis estimates in each run is no scatter between recordings.
         own = own_values(terms, identified.parameters, residuals)

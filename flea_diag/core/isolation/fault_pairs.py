@@ -33,12 +33,15 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
 from flea_diag.core.isolation.pair_gains import pair_gains
-from flea_diag.core.isolation.pair_models import PairModels, together
+from flea_diag.core.isolation.pair_models import Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.likelihood.weighing import Weighing
+
+Fitted = tuple[Fit, FaultModel, FaultModel]
+"""Fit of a pair, and the models of both."""
 
 SECOND_NATS = 10.0
 """Price of a second fault: in one of 20 000 episodes another comes up within the same minutes."""
@@ -57,7 +60,7 @@ class FaultPair:
     ``fits`` are the sizes of each with the log-likelihood of both.
     """
 
-    faults: tuple[str, str]
+    faults: Pair
     fits: tuple[Fit, Fit]
     log_likelihood: float
     probability: float = math.nan
@@ -87,7 +90,7 @@ class Clues:
     firsts: Collection[str]
     is_possible: Callable[[Fault, Fit], bool]
 
-    def ordered(self) -> list[tuple[str, str]]:
+    def ordered(self) -> list[Pair]:
         """All pairs, with one of ``firsts`` as the first."""
         pairs = list(combinations(self.predicted, 2))
         if not self.firsts:
@@ -124,12 +127,12 @@ class FaultPairs:
     def search(
         self,
         sums: EvidenceSums,
-        models: Mapping[str, Sequence[FaultModel]],
-        later: Mapping[str, Sequence[FaultModel]],
+        models: Models,
+        later: Models,
         weighing: Weighing,
         clues: Clues,
         drop_nats: float,
-        only: Sequence[tuple[str, str]] = (),
+        only: Sequence[Pair] = (),
     ) -> tuple[FaultPair, ...]:
         """Pairs that explain the evidence, the most probable first; none where none does.
 
@@ -147,7 +150,7 @@ class FaultPairs:
         if not joined:
             return ()
         fits = fitted(sums, [row[-1] for row in joined], weighing, once=True)
-        found: dict[tuple[str, str], tuple[Fit, FaultModel, FaultModel]] = {}
+        found: dict[Pair, Fitted] = {}
         for (pair, one, other, _), fit in zip(joined, fits, strict=True):
             if pair not in found or fit.log_likelihood > found[pair][0].log_likelihood:
                 found[pair] = fit, one, other
@@ -156,8 +159,8 @@ class FaultPairs:
     def _held(
         self,
         sums: EvidenceSums,
-        found: Mapping[tuple[str, str], tuple[Fit, FaultModel, FaultModel]],
-        models: Mapping[str, Sequence[FaultModel]],
+        found: Mapping[Pair, Fitted],
+        models: Models,
         weighing: Weighing,
         clues: Clues,
         drop_nats: float,
@@ -189,9 +192,7 @@ class FaultPairs:
             return ()
         return weighed(held)
 
-    def _are_possible(
-        self, pair: tuple[str, str], row: tuple[Fit, FaultModel, FaultModel], clues: Clues
-    ) -> bool:
+    def _are_possible(self, pair: Pair, row: Fitted, clues: Clues) -> bool:
         return all(
             clues.is_possible(self._faults[name], fit)
             for name, fit in zip(pair, _members(row), strict=True)
@@ -200,8 +201,8 @@ class FaultPairs:
     def _fits(
         self,
         sums: EvidenceSums,
-        pair: tuple[str, str],
-        row: tuple[Fit, FaultModel, FaultModel],
+        pair: Pair,
+        row: Fitted,
     ) -> bool:
         fit, *members = row
         plant = {
@@ -215,10 +216,10 @@ class FaultPairs:
     def _alone(
         self,
         sums: EvidenceSums,
-        near: Mapping[tuple[str, str], tuple[Fit, FaultModel, FaultModel]],
-        models: Mapping[str, Sequence[FaultModel]],
+        near: Mapping[Pair, Fitted],
+        models: Models,
         weighing: Weighing,
-    ) -> tuple[dict[tuple[str, str], float], dict[str, Alone]]:
+    ) -> tuple[dict[Pair, float], dict[str, Alone]]:
         """What each pair explains and what each member does alone, in the same weights."""
         names = tuple(dict.fromkeys(name for pair in near for name in pair))
         singles = [model for name in names for model in models[name] if model.sizes]
@@ -257,10 +258,10 @@ def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
 
 def _best(
     sums: EvidenceSums,
-    pairs: Sequence[tuple[str, str]],
+    pairs: Sequence[Pair],
     both: PairModels,
     weighing: Weighing,
-) -> list[tuple[tuple[str, str], tuple[FaultModel, FaultModel]]]:
+) -> list[tuple[Pair, tuple[FaultModel, FaultModel]]]:
     """The best pairs of faults by their gains, each with its best models."""
     columns: list[FaultModel] = []
     numbers: dict[int, list[int]] = {}
@@ -272,7 +273,7 @@ def _best(
     }
     if not whose:
         return []
-    found: dict[tuple[str, str], tuple[FaultModel, FaultModel]] = {}
+    found: dict[Pair, tuple[FaultModel, FaultModel]] = {}
     for row in pair_gains(sums, columns, list(whose), weighing):
         found.setdefault(whose[row.one, row.other], (columns[row.one], columns[row.other]))
         if len(found) == MOST_FITTED:
@@ -299,7 +300,7 @@ def _numbers(
     return numbers[id(models)]
 
 
-def _members(row: tuple[Fit, FaultModel, FaultModel]) -> tuple[Fit, Fit]:
+def _members(row: Fitted) -> tuple[Fit, Fit]:
     """The fit of both as fits of each."""
     fit, one, other = row
     count, sigmas = len(one.sizes), fit.sigmas

@@ -117,7 +117,7 @@ class GoodnessOfFit:
         self, sums: EvidenceSums, fit: Fit, shares: Mapping[str, float]
     ) -> tuple[Misfit, ...]:
         found = []
-        rows = zip(sums.residuals, sums.blocks, sums.means[:, 0, 0], fit.left, strict=True)
+        rows = zip(sums.residuals, sums.blocks, sums.shown, fit.left, strict=True)
         for name, blocks, shown, left in rows:
             nominal = self._nominal.get(name)
             if nominal is None or blocks < 1.0 or left < shares[name] ** 2 * shown:

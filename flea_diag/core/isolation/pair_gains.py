@@ -28,14 +28,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.isolation.pair_models import together
+from flea_diag.core.likelihood.basis import designs_made
 from flea_diag.core.likelihood.bounded_systems import scaled
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.weighing import Weighing
 
 Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
 
 SWEEPS = 12
 """Sweeps of the bounded solution, which starts from the unbounded one: more change no ranking."""
@@ -108,7 +108,7 @@ def _joint(sums: EvidenceSums, models: Sequence[FaultModel], weighing: Weighing)
     """The system of all models."""
     counts = [len(model.sizes) for model in models]
     starts = np.concatenate(([0], np.cumsum(counts)))
-    design = _design(models, starts, sums.residuals, sums.basis)
+    design = designs_made((together(*models),), sums.residuals, sums.basis).every[0]
     weighed = design.transpose(0, 2, 1) * weighing.weight[:, None, None]
     A = np.add.reduce(np.matmul(weighed, np.matmul(sums.gram, design)), axis=0)
     b = np.add.reduce(np.matmul(weighed, sums.cross[..., None])[..., 0], axis=0)
@@ -128,21 +128,3 @@ def _joint(sums: EvidenceSums, models: Sequence[FaultModel], weighing: Weighing)
         np.array([(s.low, s.high) for model in models for s in model.sizes]) * scale[:size, None]
     )
     return _Joint(A, b, bounds[:, 0], bounds[:, 1], starts[:-1].tolist(), counts)
-
-
-def _design(
-    models: Sequence[FaultModel], starts: Places, residuals: tuple[str, ...], basis: Basis
-) -> Array:
-    """How all sizes and unit parameters enter, shape (residuals, signals, unknowns)."""
-    size, rows = int(starts[-1]), {name: row for row, name in enumerate(residuals)}
-    design = np.zeros((len(residuals), len(basis.names), size + len(basis.differences)))
-    for model, start in zip(models, starts.tolist()[:-1], strict=True):
-        for term in model.terms:
-            if term.residual in rows:
-                place = rows[term.residual], basis.column[term.regressor], start + term.index
-                design[place] += term.gain
-    for own in basis.unit_terms:
-        if own.residual in rows:
-            column = size + basis.differences.index(own.difference)
-            design[rows[own.residual], basis.column[own.regressor], column] += own.gain
-    return design

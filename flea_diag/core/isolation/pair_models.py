@@ -21,14 +21,22 @@ whatever else is wrong, the one is the sum of the others. So no second fault act
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.likelihood.fault_models import FaultModel, Term
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 
 Models = Mapping[str, Sequence[FaultModel]]
 Pair = tuple[str, str]
+
+
+def by_fault(models: Iterable[FaultModel]) -> dict[str, list[FaultModel]]:
+    """Models of each fault that has any."""
+    found: dict[str, list[FaultModel]] = {}
+    for model in models:
+        found.setdefault(model.fault, []).append(model)
+    return found
 
 
 class PairModels:
@@ -73,16 +81,15 @@ def _without(model: FaultModel, residuals: frozenset[str]) -> FaultModel:
     return replace(model, terms=terms) if terms else FaultModel(model.fault, (), ())
 
 
-def together(one: FaultModel, other: FaultModel) -> FaultModel:
-    """Both faults as one model: the sizes of the first, then those of the second."""
-    count = len(one.sizes)
-    moved = (Term(t.residual, t.regressor, t.gain, t.index + count) for t in other.terms)
-    return FaultModel(
-        f"{one.fault} and {other.fault}",
-        one.sizes + other.sizes,
-        (*one.terms, *moved),
-        max(one.roughness, other.roughness),
-    )
+def together(*models: FaultModel) -> FaultModel:
+    """Faults as one model: the sizes of the first, then those of the next."""
+    sizes: tuple[Size, ...] = ()
+    terms: list[Term] = []
+    for model in models:
+        terms += (Term(t.residual, t.regressor, t.gain, t.index + len(sizes)) for t in model.terms)
+        sizes += model.sizes
+    name = " and ".join(model.fault for model in models)
+    return FaultModel(name, sizes, tuple(terms), max(model.roughness for model in models))
 
 
 def delayed(model: FaultModel, elapsed: str, one: str, after_s: float) -> FaultModel:

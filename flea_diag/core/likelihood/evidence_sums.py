@@ -60,6 +60,11 @@ class EvidenceSums:
     means: Array
     blocks: Array
 
+    @property
+    def shown(self) -> Array:
+        """Of each residual the sum of squares of its block means, shape (residuals,)."""
+        return self.means[:, 0, 0]
+
     @staticmethod
     def none(residuals: tuple[str, ...], basis: Basis) -> EvidenceSums:
         """Sums over no sample."""

@@ -132,26 +132,9 @@ class NormalEquations:
         self.sums.add(other.sums, times)
 
     @property
-    def summed(self) -> EvidenceSums:
-        """The sums with all samples so far."""
-        self._fold()
-        return self.sums
-
-    @property
     def samples(self) -> Array:
         """Samples of each residual, shape (residuals,)."""
         return self.sums.samples
-
-    @property
-    def blocks(self) -> Array:
-        """Blocks of each residual, shape (residuals,)."""
-        return self.sums.blocks
-
-    @property
-    def shown(self) -> Array:
-        """Of each residual the sum of squares of its block means, shape (residuals,)."""
-        self._fold()
-        return self.sums.means[:, 0, 0]
 
     @property
     def now(self) -> EvidenceSums:

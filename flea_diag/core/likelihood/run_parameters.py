@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
@@ -81,29 +82,6 @@ class FreeTerms(Frozen):
     columns: tuple[int, ...]
     slopes: FunctionType
 
-    @classmethod
-    def of(cls, known: RelationSet) -> FreeTerms | None:
-        """Those of these relations; None where no relation holds a free parameter."""
-        rows = [
-            row
-            for row in known.relations
-            if any(derivative(row.expression, name) != ZERO for name in known.free)
-        ]
-        free = tuple(
-            name
-            for name in known.free
-            if any(derivative(row.expression, name) != ZERO for row in rows)
-        )
-        if not rows:
-            return None
-        beside = tuple(name for name in NUISANCE if name not in free)
-        by = (*free, *beside)
-        slopes = [[derivative(row.expression, name) for name in by] for row in rows]
-        source = function_source("slopes", "d r / d theta.", known.signals, slopes)
-        names = tuple(row.name for row in rows)
-        columns = tuple(known.residuals.columns(names))
-        return cls(free, beside, names, columns, compiled(source)["slopes"])
-
     def of_scans(self, parameters: Any, signals: Array) -> Array:
         """D r / d theta, shape (n, relations, free and beside); signals of shape (n, signals)."""
         rows = self.slopes(parameters, list(signals.T))
@@ -112,6 +90,26 @@ class FreeTerms(Frozen):
             for k, column in enumerate(row):
                 table[:, j, k] = column
         return table
+
+
+@lru_cache(maxsize=8)
+def free_terms(known: RelationSet) -> FreeTerms | None:
+    """Those of these relations; None where no relation holds a free parameter."""
+    if not known.free:
+        return None
+    by = (*known.free, *(name for name in NUISANCE if name not in known.free))
+    slopes = {
+        row.name: {name: derivative(row.expression, name) for name in by} for row in known.relations
+    }
+    names = tuple(n for n, of in slopes.items() if any(of[free] != ZERO for free in known.free))
+    if not names:
+        return None
+    free = tuple(f for f in known.free if any(slopes[name][f] != ZERO for name in names))
+    beside = by[len(known.free) :]
+    results = [[slopes[name][each] for each in (*free, *beside)] for name in names]
+    source = function_source("slopes", "d r / d theta.", known.signals, results)
+    columns = tuple(known.residuals.columns(names))
+    return FreeTerms(free, beside, names, columns, compiled(source)["slopes"])
 
 
 class RunStage(Enum):
@@ -267,10 +265,9 @@ class RunLearning:
             return False
         same, self._aim = self.waits and self._is_same(change, covariance), error / 2.0
         self.restarts = self.waits and not same
-        self.stage = RunStage.KNOWN if error <= LAST else RunStage.REFINED
+        self.stage = RunStage.KNOWN if same or error <= LAST else RunStage.REFINED
         self._beside = np.append(np.zeros(len(change)), every[len(change) :])
         if same:
-            self.stage = RunStage.KNOWN
             return True
         sigmas = np.sqrt(np.diag(covariance)).tolist()
         self.found = tuple(map(self._value, self.terms.free, change.tolist(), sigmas))

@@ -44,7 +44,8 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 FAR, NEAR = 8.0, 4.0
-"""Standard deviations that the farthest window of a burst is out, and up to which one is quiet."""
+"""Standard deviations that the farthest window of a burst is out, and up to which one is quiet: of
+normal noise in a stand's relations one window in a thousand is farther out."""
 SHOWS = 6.0
 """Standard deviations that a fault must add to a window for its presence to be known there."""
 ABSENT = 0.35

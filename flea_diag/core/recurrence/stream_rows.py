@@ -35,15 +35,12 @@ from flea_diag.core.evidence.white_stream import (
     weight_of,
 )
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.recurrence.recurring import FAR
+from flea_diag.core.recurrence.recurring import FAR, NEAR
 from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-QUIET = 4.0
-"""Standard deviations up to which a window says what the stream differs by: of normal noise in a
-stand's relations one window in a thousand is farther out."""
 SOLVED_EVERY = 5
 """Windows from one solution for what the stream differs by to the next: 1 s."""
 
@@ -106,7 +103,7 @@ class StreamRows:
         both = known[:, None] & known
         shared = h.noise.shared * np.square(exact_share(errors)[:, 0])
         apart = np.eye(len(known)) - np.where(both, shared * sigma / sigma[:, None], 0.0)
-        if np.abs(errors).max() <= QUIET:
+        if np.abs(errors).max() <= NEAR:
             self._count(rows * weight_of(errors) / self._alike)
         own = apart @ errors
         if not keeps and np.abs(own).max() <= FAR:

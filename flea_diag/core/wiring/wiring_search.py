@@ -81,14 +81,12 @@ class WiringSearch(Frozen):
         """How the relations hold on readings as they are, shape (n, channels)."""
         return self._check.hold(rows)
 
-    def suspects(self, rows: Array) -> bool:
-        """Whether some wiring explains readings, shape (n, channels): worth more motion."""
-        found = self._check.hold(rows)
+    def suspects(self, rows: Array, found: Holding) -> bool:
+        """Whether some wiring explains readings on which relations hold so: worth more motion."""
         return not found.is_typical and any(True for _ in self._explaining(rows, found, SHOWN))
 
-    def search(self, rows: Array, first: int) -> WiringFinding | None:
-        """What explains readings, shape (n, channels), the first so many of them as well."""
-        found = self._check.hold(rows)
+    def search(self, rows: Array, found: Holding, first: int) -> WiringFinding | None:
+        """What explains readings on which relations hold so, the first so many of them as well."""
         if found.is_typical:
             return None
         early = self._check.hold(rows[:first])

@@ -139,13 +139,14 @@ class WiringWatch:
             self.close()
             return
         rows = self._readings()
-        if not self._first and is_judged(self._search.hold(rows)):
+        held = self._search.hold(rows)
+        if not self._first and is_judged(held):
             self._first = len(rows)
         if self._is_last:
-            self.finding = self._search.search(rows, self._first) if self._first else None
+            self.finding = self._search.search(rows, held, self._first) if self._first else None
             self.close()
         else:
-            suspected = self._first > 0 and self._search.suspects(rows)
+            suspected = self._first > 0 and self._search.suspects(rows, held)
             self._go_on(is_done=self._first > 0 and not suspected)
             if suspected:
                 self._look = len(self._looks) - 1

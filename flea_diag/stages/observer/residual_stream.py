@@ -29,7 +29,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.conditions.envelope_watch import ANYWHERE, EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
-from flea_diag.core.likelihood.run_parameters import FreeTerms
+from flea_diag.core.likelihood.run_parameters import free_terms
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -124,7 +124,7 @@ class ResidualStream:
             else None
         )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s)
-        terms = FreeTerms.of(relations) if relations.free else None
+        terms = free_terms(relations)
         self._run = RunWatch(relations, terms, c) if terms else None
         self._regressors = RegressorTable(effects, c.parameters, answers)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)

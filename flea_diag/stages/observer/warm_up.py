@@ -123,7 +123,7 @@ class RunWatch:
         )
         self.void = [*known.of_relations(terms.relations), *known.columns(known.innovations)]
         """Columns of what is not judged while another value is learned."""
-        self._since_ns = NEVER_NS
+        self._since_ns, self._said_last = NEVER_NS, self._words
         self.told = False
         """Whether the last scan has changed what is reported."""
 
@@ -147,7 +147,7 @@ class RunWatch:
         frozen: bool,
     ) -> int:  # fmt: skip
         """Take n scans and drop what is not judged; the first scan that changes that, or n."""
-        learning, before = self._learning, self._words
+        learning = self._learning
         self.told = False
         if self._since_ns == NEVER_NS:
             self._since_ns = int(stamps_ns[0])
@@ -156,7 +156,8 @@ class RunWatch:
         moving = residuals.moving.tolist()
         for scan in range(len(stamps_ns)):
             if learning.step(moving[scan], values[scan], slopes[scan], frozen):
-                self.told = self._words != before
+                words = self._words
+                self.told, self._said_last = words != self._said_last, words
                 if self.told and scan == 0:
                     self._since_ns = int(stamps_ns[0])
                 return scan

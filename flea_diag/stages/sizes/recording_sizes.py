@@ -117,7 +117,7 @@ class RecordingSizes:
         fit = self._fit(whole)
         share = np.array(self._q.weights.run_share)
         assert isinstance(fit.solution, Solution)
-        errors = fit.solution.errors(share, [piece.summed for piece in pieces])
+        errors = fit.solution.errors(share, [piece.now for piece in pieces])
         return tuple(
             RecordingSize(of, size, error)
             for of, size, error in zip(self._model.sizes, fit.sizes, errors, strict=True)

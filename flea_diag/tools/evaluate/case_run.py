@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -27,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flea_diag.errors import FleaError, RecordingError
+from flea_diag.errors import RecordingError
 from flea_diag.formats import stamped
 from flea_diag.tools.arena.entrant import Arena
 from flea_diag.tools.campaign.campaign import expected_of
@@ -37,6 +36,7 @@ from flea_diag.tools.campaign.run_trace import RunTrace, write_trace
 from flea_diag.tools.motion import moving_s
 from flea_diag.tools.origin import commit, today
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
+from flea_diag.tools.refused import why_failed
 from flea_diag.tools.replay.summary import BULK, summarise
 from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth
@@ -95,11 +95,8 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
         _write_detail(folder / result.detail, case, result, summary)
         write_trace(folder / result.detail, done.trace)
         return result
-    except FleaError as error:
-        reason = str(error)
     except Exception as error:  # a defect: the campaign continues, the line names the place
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        reason = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+        reason = why_failed(error)
     return RunResult(
         case.id,
         case.kind,
@@ -107,7 +104,7 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
         case.configuration,
         case.fold,
         expected=(),
-        failure=reason or "failed without a message",
+        failure=reason,
     )
 
 

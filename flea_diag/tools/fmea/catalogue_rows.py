@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from flea_diag.configuration.description import faults_of
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.faults.fault import Fault
-from flea_diag.errors import ConfigurationError, nearest, shown
+from flea_diag.errors import ConfigurationError, question, shown
 from flea_diag.tools.fmea.failure import Failure
 from flea_sim_driver.failure_modes import FAILURE_MODES, table1
 from flea_sim_driver.faults import FaultRow, catalogue
@@ -46,9 +46,7 @@ def chosen(failures: Sequence[Failure], named: Sequence[str]) -> tuple[Failure, 
     known = {each.fault for each in failures}
     for name in named:
         if name not in known:
-            close = nearest(name, known)
-            meant = f"; did you mean {close}?" if close else ""
-            raise ConfigurationError(f"--fault {shown(name)}: no such row{meant}")
+            raise ConfigurationError(f"--fault {shown(name)}: no such row{question(name, known)}")
     return tuple(each for each in failures if not named or each.fault in named)
 
 

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,7 +23,6 @@ from pathlib import Path
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand
-from flea_diag.errors import FleaError
 from flea_diag.tools.campaign.case import Case, Recipe
 from flea_diag.tools.campaign.case_records import records_of
 from flea_diag.tools.evaluate.case_run import CaseDiagnosis, closing, diagnose, scored
@@ -37,6 +35,7 @@ from flea_diag.tools.fmea.failure import (
 )
 from flea_diag.tools.fmea.healthy_bag import HealthyBag
 from flea_diag.tools.fmea.motion_effect import MotionEffect, MotionRecord
+from flea_diag.tools.refused import why_failed
 from flea_diag.wire.bags.bag_writer import new_bag
 from flea_diag.wire.records import AmbiguityGroup, Record
 from flea_sim_driver.scenario.scenario import Scenario
@@ -62,12 +61,8 @@ class FailureRun:
             return AnalysedFailure(failure, NOT_RUN, remark=failure.remark)
         try:
             return self._run(failure)
-        except FleaError as error:
-            why = str(error)
         except Exception as error:  # a defect: the others continue, the line names the place
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            why = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
-        return AnalysedFailure(failure, NOT_RUN, broken=why or "failed without a message")
+            return AnalysedFailure(failure, NOT_RUN, broken=why_failed(error))
 
     def _run(self, failure: Failure) -> AnalysedFailure:
         bag, effect = self.folder / BAGS / failure.name, None

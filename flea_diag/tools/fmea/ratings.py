@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from flea_diag.errors import ConfigurationError, nearest, shown
+from flea_diag.errors import ConfigurationError, question, shown
 from flea_diag.fields.reader import read_as
 from flea_diag.fields.values import within
 from flea_diag.wire.regular_file import read_text
@@ -62,9 +62,9 @@ def load_ratings(path: Path, known: Collection[str]) -> dict[str, Rating]:
     ratings = read_as(dict[str, Rating], content, str(path))
     for name in ratings:
         if name not in known:
-            close = nearest(name, known)
-            meant = f"; did you mean {close}?" if close else ""
-            raise ConfigurationError(f"{path}: {shown(name)} is no fault of the stand{meant}")
+            raise ConfigurationError(
+                f"{path}: {shown(name)} is no fault of the stand{question(name, known)}"
+            )
     return ratings
 
 

@@ -122,7 +122,7 @@ def test_what_is_left_is_that_of_the_block_means(model: FaultModel) -> None:
     means = y.reshape(BLOCKS, FOLD, 2).mean(axis=1)
     moved = [fit.sizes[0] if model is BOTH or k == 0 else 0.0 for k in range(2)]
     np.testing.assert_allclose(fit.left, ((means - moved) ** 2).sum(axis=0))
-    np.testing.assert_allclose(known.shown, (means**2).sum(axis=0))
+    np.testing.assert_allclose(known.now.shown, (means**2).sum(axis=0))
 
 
 def test_blocks_are_whole_however_often_the_evidence_is_looked_at() -> None:
@@ -131,8 +131,8 @@ def test_blocks_are_whole_however_often_the_evidence_is_looked_at() -> None:
     for start in range(0, 120, 12):
         found.add(y[start : start + 12], np.ones((12, 2)))
         fitted(found, BOTH)
-    assert found.blocks.tolist() == [2.0, 2.0]
-    np.testing.assert_allclose(found.shown, 2.0)
+    assert found.now.blocks.tolist() == [2.0, 2.0]
+    np.testing.assert_allclose(found.now.shown, 2.0)
 
 
 def test_no_fit_is_poor_that_leaves_what_healthy_means_may_reach() -> None:

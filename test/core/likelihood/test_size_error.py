@@ -60,7 +60,7 @@ def sized(pieces: list[NormalEquations], share: np.ndarray) -> tuple[float, Size
     (fit,) = whole.fit([FREE], SIGMA, WHITE, TOLERANCE)
     assert isinstance(fit.solution, Solution)
     stated, shown = (
-        fit.solution.errors(share, of)[0] for of in ((), [piece.summed for piece in pieces])
+        fit.solution.errors(share, of)[0] for of in ((), [piece.now for piece in pieces])
     )
     assert stated.total == pytest.approx(fit.sigmas[0])
     return fit.sizes[0], stated, shown

@@ -57,7 +57,7 @@ def search() -> WiringSearch:
 
 
 def found_in(rows: np.ndarray) -> WiringFinding | None:
-    return search().search(rows, FIRST)
+    return search().search(rows, search().hold(rows), FIRST)
 
 
 def changed(channel: str, factor: float) -> np.ndarray:

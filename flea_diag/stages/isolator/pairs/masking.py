@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.detectability import tested_alone
-from flea_diag.core.isolation.pair_models import PairModels
+from flea_diag.core.isolation.pair_models import PairModels, by_fault
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.parameters import Knowledge
 
@@ -31,9 +31,7 @@ class Masking:
 
     def __init__(self, knowledge: Knowledge, models: Sequence[FaultModel]) -> None:
         self._faults, self._symptoms = knowledge.faults, knowledge.symptoms
-        self._models: dict[str, list[FaultModel]] = {}
-        for model in models:
-            self._models.setdefault(model.fault, []).append(model)
+        self._models = by_fault(models)
         self._pairs = PairModels(self._faults, self._models, self._models)
         self._dead = [name for name in self._models if self._faults[name].mode == "dead"]
 

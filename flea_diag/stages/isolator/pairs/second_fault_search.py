@@ -17,13 +17,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.fault_pairs import Clues, FaultPairs
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.missing_jump import JumpMemory, missing_jump
-from flea_diag.core.isolation.pair_models import delayed
+from flea_diag.core.isolation.pair_models import Models, by_fault, delayed
 from flea_diag.core.likelihood.effect_set import name_of
 from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.estimation import fitted
@@ -36,8 +36,6 @@ from flea_diag.stages.isolator.pairs.second_fault import LOOK_EVERY, Look
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus
-
-Models = Mapping[str, Sequence[FaultModel]]
 
 LEAST_NS = 4_000_000_000
 """Evidence of both faults before pairs are searched."""
@@ -61,12 +59,10 @@ class SecondFaultSearch:
         self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
         self._goodness = GoodnessOfFit(knowledge.calibration)
         self._pairs = FaultPairs(knowledge.faults, self._goodness)
-        self._models: dict[str, list[FaultModel]] = {name: [] for name in knowledge.faults}
-        for model in quantitative.models:
-            self._models[model.fault].append(model)
-        for name, models in self._models.items():
-            if not models:
-                models.append(FaultModel(name, (), ()))
+        known = by_fault(quantitative.models)
+        self._models = {
+            name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
+        }
 
     def look(self, stamp_ns: int, episode: FaultEpisode) -> None:
         """Look at an episode every two seconds."""
