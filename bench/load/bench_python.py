@@ -65,7 +65,7 @@ def in_a_process(code: str, clock: str) -> list[float]:
 
 
 def rows_of(count: int) -> fd.Table:
-    """So many rows of a nominal recording, to and fro."""
+    """A nominal recording of this many rows, repeated forwards and backwards."""
     table = fd.open(BAG.parent / "nominal").table
     repeats = count // (2 * table.rows) + 1
     columns = {

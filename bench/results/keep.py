@@ -61,12 +61,12 @@ def main() -> int:
 
 
 def converted(arguments: argparse.Namespace) -> KeptResult:
-    """The kept form of whichever of the two it is.
+    """A summary or a report in the form in which results are kept.
 
     Raises
     ------
     ValueError
-        Neither of the two, or a summary without its origin.
+        The file is neither, or it is a summary without its origin.
     """
     source: Path = arguments.source
     evaluation = source.is_dir()

@@ -124,7 +124,7 @@ def _limit(what: int, most: int) -> None:
 
 
 def _status(name: str) -> float:
-    """A size of this process, MB."""
+    """One of the memory figures of this process, MB."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(name)) / 1e3
 

@@ -70,7 +70,7 @@ class _PlaceTerm(_SourcePlace):
 
 @dataclass(frozen=True, kw_only=True)
 class _ChannelRow(_PlaceTerm):
-    """One channel; limits in SI, whatever the unit of the readings: so a wrong unit shows."""
+    """One channel. Limits are in SI whatever the unit of the readings: a wrong unit shows."""
 
     unit: str
     range: tuple[float, float]

@@ -166,7 +166,7 @@ def _number(rules: FieldRules, limits: FieldLimits) -> Reader:
 
 
 def _float(value: int) -> float:
-    """A whole number; beyond the range of a float it is infinite."""
+    """A whole number as a float; infinite where a float cannot hold it."""
     return float(value) if abs(value) < 2**1023 else math.inf if value > 0 else -math.inf
 
 

@@ -61,7 +61,7 @@ class HallView:
             self.drawn["journal"] = str(journal(states))
 
     def _is_drawn(self, alarms: list[tuple[Alarm, ...]]) -> bool:
-        """Whether these are the same objects, one by one: to compare them costs more."""
+        """Whether these very objects were drawn; comparing their values would cost more."""
         known = self._alarms
         return known is not None and [*map(id, known)] == [*map(id, alarms)]
 

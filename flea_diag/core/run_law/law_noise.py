@@ -111,7 +111,7 @@ class LawNoise:
         return self.whitened_all([run], [columns])[0]
 
     def whitened_all(self, runs: Sequence[RunWindows], columns: Sequence[Array]) -> list[WhiteRun]:
-        """The same of many recordings side by side: the filter is the same, window by window."""
+        """Whiten many recordings side by side: one filter serves a window of all."""
         made = []
         for start in range(0, len(runs), TOGETHER):
             some = slice(start, start + TOGETHER)

@@ -101,7 +101,7 @@ class IsolatorOutput:
         return self._requests.ask(stamp_ns, episode, self._motion.window)
 
     def go_on(self, stamp_ns: int) -> Records:
-        """Verdict and request; the request is made first: the group is final only without one."""
+        """Verdict and request. The request is made first: a group that waits is not final."""
         asked = self.ask(stamp_ns)
         return *self.say(stamp_ns), *asked
 

@@ -91,7 +91,7 @@ def by_vibration(fault: Fault) -> bool:
 
 
 def nearest_rows(fault: str, known: Mapping[str, Fault]) -> tuple[tuple[str, ...], str]:
-    """What a fault may be named as that the catalogue lacks, and by what it is found."""
+    """What the diagnosis calls a fault that the catalogue lacks, and what finds it."""
     if fault in known:
         return (), ""
     modes = [mode for mode in FAILURE_MODES if mode.fault == fault]

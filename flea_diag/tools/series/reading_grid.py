@@ -92,7 +92,7 @@ def reading_grid(
     joint, group
         Joint and namespace, axis or drive to diagnose; "": one that moves.
     supplies
-        Whether a voltage that is none of the motor may be a supply's.
+        Whether a voltage that does not belong to the motor may be that of a supply.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class InjectionDialog:
         self._button.set_visibility(False)
 
     def add_dialog(self) -> None:
-        """Add the dialog, outside of any menu: what is not shown cannot show it."""
+        """Add the dialog to the page, not to a menu: a closed menu would hide it."""
         with TextDialog(
             "inject",
             tr(WORDS),
