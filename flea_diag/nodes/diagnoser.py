@@ -16,11 +16,9 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from flea_diag.wire.bus import Program, run
+from flea_diag.wire.bus import Program
 
 if TYPE_CHECKING:
     from flea_diag.nodes.stage.inbox import Turns
@@ -51,12 +49,3 @@ def program(shared: Turns | None = None) -> Program:
         ),
         shared=shared,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

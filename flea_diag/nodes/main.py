@@ -39,7 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         known = ", ".join(EXECUTABLES)
         print(f"flea_diag: no executable {name!r}, known are {known}", file=sys.stderr)
         return 2
-    return int(import_module(EXECUTABLES[name]).main(arguments[1:]))
+    from flea_diag.wire.bus import run
+
+    return run(lambda: import_module(EXECUTABLES[name]).program(), arguments[1:])
 
 
 if __name__ == "__main__":

@@ -16,10 +16,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-
-from flea_diag.wire.bus import Program, run
+from flea_diag.wire.bus import Program
 
 
 def program() -> Program:
@@ -43,12 +40,3 @@ def program() -> Program:
             "ros2 param describe /observer executor",
         ),
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -145,7 +145,7 @@ def module_domain(compiled: None) -> Iterator[int]:
 def composed(module_domain: int) -> Iterator[Flight]:
     """The diagnoser, all three stages in one process, which sees one bag after the other."""
     with (
-        Process(node("flea_diag.nodes.diagnoser", "-p", "memory:=none"), module_domain),
+        Process(node("diagnoser", "-p", "memory:=none"), module_domain),
         Peer(module_domain) as peer,
     ):
         yield Flight(peer)

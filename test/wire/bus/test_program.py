@@ -39,7 +39,7 @@ INT, TERM = signal.SIGINT, signal.SIGTERM
 def test_signals_end_a_node_in_order(
     domain: int, executor: str, signals: tuple[signal.Signals, ...], tmp_path: Path
 ) -> None:
-    command = node("flea_diag.nodes.recording.recorder", "-p", f"executor:={executor}")
+    command = node("recorder", "-p", f"executor:={executor}")
     with Process(command, domain, cwd=tmp_path) as process:
         process.wait_for(f"recording {len(TOPICS)} topics")
         status = process.signal(*signals)
