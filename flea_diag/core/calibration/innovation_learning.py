@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import noise_identification
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.calibration.noise_identification import PIECES, SETTLE_SCANS
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.machine_modes import OUT, MachineModes
 from flea_diag.core.observers.innovation_residual import normalised
@@ -53,9 +54,7 @@ Followed = Callable[[ObserverNoise, Sequence[tuple[ActuatorParameters, Array]]],
 """Innovation residuals of recordings, each with the parameters for it, as by ``Observing``."""
 
 SEED = 1  # any: the same recordings give the same limits
-PIECES = 4  # assumption: size of a sample
 PIECE_SCANS = 1000  # assumption: size of a sample
-SETTLE_SCANS = 50  # assumption
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,17 @@ from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.baselines.plain_verdict import plain_verdict
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import Candidate, Detection, Outcome, Record, Scan, VibrationBlock
+from flea_diag.wire.records import (
+    SECOND_NS,
+    Candidate,
+    Detection,
+    Outcome,
+    Record,
+    Scan,
+    VibrationBlock,
+)
 
 NOMINAL = "nominal"
-SECOND_NS = 1_000_000_000
 WINDOW_NS = SECOND_NS
 IN_A_ROW = 3
 """Windows that must agree on a fault: of one alone, one in a hundred may be wrong."""

@@ -36,7 +36,6 @@ from flea_diag.core.vibration.features import compute_all
 from flea_diag.core.vibration.nominal_range import MOVING_RAD_S
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.extractor import ExtractorStage
-from flea_diag.stages.extractor.scan_ring import SECOND_NS
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.tools.features.classifier import call, read_classifier
 from flea_diag.tools.features.judge import judge
@@ -44,6 +43,7 @@ from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
 from flea_diag.tools.features.stand import drawn_scenario
 from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import (
+    SECOND_NS,
     AmbiguityGroup,
     ChannelTable,
     FeatureRequest,
