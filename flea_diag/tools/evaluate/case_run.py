@@ -24,8 +24,6 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from flea_diag.errors import RecordingError
 from flea_diag.formats import stamped
 from flea_diag.tools.arena.entrant import Arena
@@ -169,8 +167,7 @@ def in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
             yield from part
             continue
         while rows := list(islice(part, MOST_SCANS)):
-            stamps, values = [r.stamp_ns for r in rows], [r.values for r in rows]
-            yield ScanBlock(np.array(stamps), kind, np.array(values))
+            yield ScanBlock.of(*rows)
 
 
 def _layout(record: Record) -> tuple[str, ...] | None:
@@ -179,6 +176,7 @@ def _layout(record: Record) -> tuple[str, ...] | None:
 
 def scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, dict[str, Any]]:
     """Result of a run, and the summary that it is made of."""
+    from flea_diag.tools.campaign.case_records import first_fault
     from flea_diag.tools.numeric_backend import numeric_backend
     from flea_diag.wire.records import AmbiguityGroup
 
@@ -190,7 +188,7 @@ def scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, 
         raise RecordingError("no truth, so it cannot be scored: diagnose it with flea replay")
     start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
-    truth = _first_fault(done.truths)
+    truth = first_fault(done.truths)
     told = _told(truth, expect, start_ns)
     computed = tuple(summary["features_computed"])
     verdict = _verdict(summary, told["onset_s"], start_ns)
@@ -235,11 +233,6 @@ def _told(truth: Truth | None, expect: Expect, start_ns: int) -> dict[str, Any]:
         "size_unit": details.get("size_unit", ""),
         "expected": expected_of(truth.fault, expect),
     }
-
-
-def _first_fault(truths: Iterable[Truth]) -> Truth | None:
-    wrong = [truth for truth in truths if truth.fault not in ("", NOMINAL)]
-    return min(wrong, key=lambda truth: truth.onset_ns, default=None)
 
 
 def _number(text: str | None) -> float | None:
