@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from support.surface import KEPT, surface
+from support.programs.surface import KEPT, surface
 
 
 @pytest.mark.slow  # imports every command and every node
@@ -25,4 +25,4 @@ def test_the_list_of_all_that_users_name_is_kept() -> None:
     kept, now = set(KEPT.read_text(encoding="utf-8").splitlines()), set(surface())
     lost, added = sorted(kept - now), sorted(now - kept)
     assert not lost, f"gone, and CHANGELOG.md must say what to use instead: {lost}"
-    assert not added, f"new: renew the list with `python test/support/surface.py`: {added}"
+    assert not added, f"new: renew the list with `python test/support/programs/surface.py`: {added}"

@@ -23,7 +23,7 @@ import pytest
 from support.live import ROOT, Process, node
 
 from flea_diag.configuration.files import config_path
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import program_of
 from flea_diag.nodes.run.live_run import discovery
 from flea_diag.wire.messages.typed_verdict import VERDICT
 from flea_diag.wire.topics import TOPICS
@@ -119,10 +119,9 @@ def test_every_node_has_a_policy_and_every_topic_in_it_is_ours() -> None:
 
 
 def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
-    from importlib import import_module
 
     for name, profile in profiles().items():
-        declared = import_module(EXECUTABLES[name]).program()
+        declared = program_of(name)
         topics = {topic.record: topic.name for topic in TOPICS}
         standard = {"/parameter_events", "/rosout", "/clock"}
         writes = {topics[t] for t in declared.publishes} | OF_ALL

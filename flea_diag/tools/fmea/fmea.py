@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING, Any
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.argument import add_json, positive
 from flea_diag.tools.extra import require
-from flea_diag.tools.stand.simulate import ONSET_S
 from flea_diag.tools.stand_option import absolute, accepted_stand, add_calibration
 from flea_diag.tools.terminal import (
     IN_PART,
@@ -134,6 +133,7 @@ def _planned(
     from flea_diag.tools.fmea import catalogue_rows as rows
     from flea_diag.tools.fmea.failure_run import effect_of
     from flea_diag.tools.fmea.healthy_bag import HealthyBag, injected
+    from flea_sim_driver.failure_modes import ONSET_S
 
     known = rows.known_faults(stand)
     machine = _machine(arguments, stand)

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flea_diag.nodes import diagnoser, extractor, isolator, observer
 from flea_diag.nodes.recording import recorder
+from flea_diag.nodes.stage_nodes import diagnoser, extractor, isolator, observer
 from flea_diag.wire.bus import Program, qos
 from flea_diag.wire.bus.life_cycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE
 from flea_diag.wire.messages import codec
@@ -47,8 +47,8 @@ LOOK_NS = 500_000_000
 BUSY_NS = (200_000, 2_000_000)
 """Time that a callback takes."""
 LAYOUTS: tuple[tuple[Callable[..., Program], ...], ...] = (
-    (diagnoser.program,),
-    (observer.program, isolator.program, extractor.program),
+    (diagnoser,),
+    (observer, isolator, extractor),
 )
 
 

@@ -14,19 +14,18 @@
 
 """Everything that users hold on to by name, one line each; ``surface.txt`` keeps the list.
 
-``python test/support/surface.py`` renews it. A line that is gone is something that users lose:
+``python test/support/programs/surface.py`` renews it. A line that is gone is something that users lose:
 CHANGELOG.md then says what to write instead.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 KEPT = ROOT / "test/project/surface.txt"
 SHIPPED = (
     "config/campaigns/*.yaml", "config/languages/*.yaml", "config/machines/*.yaml",
@@ -60,15 +59,15 @@ def _options(parser: argparse.ArgumentParser, command: str) -> Iterator[str]:
 
 
 def _nodes() -> Iterator[str]:
-    from flea_diag.nodes.executables import EXECUTABLES
+    from flea_diag.nodes.executables import EXECUTABLES, program_of
     from flea_diag.wire.bus.declared import Common
     from flea_diag.wire.parameters import descriptors
     from flea_diag.wire.topics import TOPIC_OF
 
     for parameter in descriptors(Common):
         yield f"node: {parameter.name}"
-    for name, module in EXECUTABLES.items():
-        program = importlib.import_module(module).program()
+    for name in EXECUTABLES:
+        program = program_of(name)
         yield f"node {name}"
         for parameter in descriptors(program.parameters):
             yield f"node {name}: {parameter.name}"
