@@ -31,6 +31,7 @@ from flea_diag.tools.campaign.campaign import expected_of
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
 from flea_diag.tools.campaign.run_trace import RunTrace, write_trace
+from flea_diag.tools.evaluate.case_pool import failed
 from flea_diag.tools.motion import moving_s
 from flea_diag.tools.origin import commit, today
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
@@ -94,16 +95,7 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
         write_trace(folder / result.detail, done.trace)
         return result
     except Exception as error:  # a defect: the campaign continues, the line names the place
-        reason = why_failed(error)
-    return RunResult(
-        case.id,
-        case.kind,
-        case.row,
-        case.configuration,
-        case.fold,
-        expected=(),
-        failure=reason,
-    )
+        return failed(case, why_failed(error))
 
 
 def records(case: Case) -> Iterable[Record]:

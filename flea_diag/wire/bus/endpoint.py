@@ -254,7 +254,7 @@ class Bus(NodeLog, Generic[P]):
             self.topic_name(topic),
             stream,
             take,
-            qos.of_topic(topic, depth),
+            qos.reliable(depth, topic.latched),
             self.caution,
         )
         return stream

@@ -14,8 +14,8 @@
 
 """Everything that users hold on to by name, one line each; ``surface.txt`` keeps the list.
 
-``python test/support/programs/surface.py`` renews it. A line that is gone is something that users lose:
-CHANGELOG.md then says what to write instead.
+``python test/support/programs/surface.py`` renews it. A line that is gone is something that
+users lose: CHANGELOG.md then says what to write instead.
 """
 
 from __future__ import annotations
