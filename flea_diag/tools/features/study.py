@@ -30,7 +30,7 @@ from pathlib import Path
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import load_features
 from flea_diag.configuration.stand import Stand
-from flea_diag.core.choice.classifier import Classifier
+from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import compute_all
 from flea_diag.core.vibration.nominal_range import MOVING_RAD_S
@@ -160,7 +160,7 @@ def after_onset(records: Sequence[Record], orders: Mapping[str, float]) -> Featu
     return run_of("", late, truths, Grid(orders=orders))
 
 
-def called(run: FeatureRun, classifier: Classifier) -> str:
+def called(run: FeatureRun, classifier: Perceptron) -> str:
     """Most probable class by the classifier; empty without motion."""
     found = call([run], classifier, classifier.faults, WINDOWS)
     return found[0].called if found else ""
