@@ -42,6 +42,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
@@ -190,8 +191,4 @@ def unit_spread(
 
 
 def _smoothed(values: Array, window: int = 100) -> Array:
-    if len(values) < window:
-        return values[:0]
-    sums = np.cumsum(np.concatenate((np.zeros((1, values.shape[1])), values)), axis=0)
-    smoothed: Array = (sums[window:] - sums[:-window]) / window
-    return smoothed
+    return values[:0] if len(values) < window else rolling_means(values, window)
