@@ -92,7 +92,7 @@ def test_three_nodes_weigh_as_one(domain: int, by_evidence: tuple[str, ...]) -> 
     parts = ("observer", by_evidence), ("isolator", isolator), ("extractor", ())
     with ExitStack() as running_nodes:
         for part, told in parts:
-            running_nodes.enter_context(Process(node(f"flea_diag.nodes.{part}", *told), domain))
+            running_nodes.enter_context(Process(node(part, *told), domain))
         flight = Flight(running_nodes.enter_context(Peer(domain)), BETWEEN)
         flight.introduce(next(r for r in dragged() if isinstance(r, Scan)))
         assert digest(flown(flight, 2.0, wanted)) == wanted
