@@ -85,9 +85,9 @@ def main() -> None:
     """Run the stand and the extractor, ask, and print what came of it."""
     arguments = bench_parser(__doc__).parse_args()
     features = load_features("feature_table.yaml").features
-    stand = node("flea_sim_driver.daq_node", "-p", f"duration_s:={RUN_S}",
+    stand = node("daq", "-p", f"duration_s:={RUN_S}",
                  "-p", "wait_for_subscribers:=2")  # fmt: skip
-    with Peer(DOMAIN) as peer, Process(node("flea_diag.nodes.extractor"), DOMAIN) as extractor:
+    with Peer(DOMAIN) as peer, Process(node("extractor"), DOMAIN) as extractor:
         asker = Asker(peer, features)
         peer.bus.advertise(FeatureRequest)
         peer.bus.subscribe(VibrationLevel, asker.level)

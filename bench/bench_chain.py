@@ -87,7 +87,7 @@ def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, f
     """Median latency, s, and CPU per scan, s, of both nodes."""
     commands = (
         [sys.executable, __file__, "--empty", residual_names(table, scans)],
-        node("flea_diag.nodes.diagnoser", "-r", f"__ns:=/{NAMES[1]}"),
+        node("diagnoser", "-r", f"__ns:=/{NAMES[1]}"),
     )
     sent, heard = ({name: np.full(len(scans), np.nan) for name in NAMES} for _ in range(2))
     numbers = {scan.stamp_ns: number for number, scan in enumerate(scans)}

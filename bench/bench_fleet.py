@@ -161,7 +161,7 @@ def measured(count: int, folder: Path, asked: argparse.Namespace) -> FleetLoad:
     with ExitStack() as stack:
         domain = stack.enter_context(reserved_domain())
         fleets = [
-            stack.enter_context(Process(node("flea_diag.nodes.fleet.fleet", "-r",
+            stack.enter_context(Process(node("fleet", "-r",
                 f"__node:=fleet_{k}", "-p", f"stands:={part}", *given), domain))
             for k, part in enumerate(parts)
         ]  # fmt: skip

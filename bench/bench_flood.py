@@ -95,7 +95,7 @@ def half_open() -> tuple[int, float]:
 def measure(domain: int, folder: Path) -> list[Figure]:
     """Flood a page and print the figures."""
     given = ("-p", f"port:={PORT}", "-p", f"journal:={folder / 'alarms.sqlite'}")
-    with Process(node("flea_diag.nodes.operator.web", *given), domain) as web:
+    with Process(node("web", *given), domain) as web:
         web.wait_for(SAYS_WHERE)
         loaded()
         pid = web.child.pid

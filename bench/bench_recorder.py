@@ -49,10 +49,8 @@ LIMIT = 0.10
 
 def recorded(bag: Path, seconds: float) -> tuple[float, float]:
     """Share of a core and peak memory, MB, of the recorder from the first to the last scan."""
-    keep = node(
-        "flea_diag.nodes.recording.recorder", "-p", f"directory:={bag}", "-p", "clips:=false"
-    )
-    send = node("flea_sim_driver.daq_node", "-p", f"duration_s:={seconds}",
+    keep = node("recorder", "-p", f"directory:={bag}", "-p", "clips:=false")
+    send = node("daq", "-p", f"duration_s:={seconds}",
                 "-p", "wait_for_subscribers:=1")  # fmt: skip
     with (
         reserved_domain() as domain,

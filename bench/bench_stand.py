@@ -94,7 +94,7 @@ def bags() -> list[Figure]:
 
 def live(fifo: bool) -> list[Figure]:
     """Print how the DAQ keeps its pace, and what that costs."""
-    command = node("flea_sim_driver.daq_node", "-p", f"duration_s:={LIVE_S}",
+    command = node("daq", "-p", f"duration_s:={LIVE_S}",
                    "-p", "wait_for_subscribers:=1")  # fmt: skip
     if fifo:
         command = ["chrt", "--fifo", "20", *command]

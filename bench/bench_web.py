@@ -70,14 +70,14 @@ def sample(pid: int, browser: Browser) -> tuple[float, float, float, float]:
 def measure(domain: int, folder: Path) -> list[Figure]:
     """Run the stand and print the figures."""
     journal = f"journal:={folder / 'alarms.sqlite'}"
-    web = node("flea_diag.nodes.operator.web", "-p", f"port:={PORT}", "-p", journal)
+    web = node("web", "-p", f"port:={PORT}", "-p", journal)
     daq = node(
-        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
+        "daq", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
         "-p", f"duration_s:={60.0 * MINUTES + 60.0}", "-p", "wait_for_subscribers:=3",
     )  # fmt: skip
     with (
         Peer(domain) as peer,
-        Process(node("flea_diag.nodes.diagnoser"), domain),
+        Process(node("diagnoser"), domain),
         Process(web, domain) as server,
         chromium() as browser,
     ):

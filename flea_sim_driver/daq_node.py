@@ -17,16 +17,14 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, shown
-from flea_diag.wire.bus import Bus, Consumers, Program, named, run
+from flea_diag.wire.bus import Bus, Consumers, Program, named
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
     AmbiguityGroup,
@@ -360,12 +358,3 @@ def program() -> Program:
         prepare=prepare,
         check=check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until the scenario ends, SIGINT or SIGTERM; the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

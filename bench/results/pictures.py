@@ -115,14 +115,14 @@ def make(domain: int, folder: Path) -> None:
     """Run live and take the screenshots."""
     journal = ("-p", f"journal:={folder / 'page.sqlite'}", "-p", "author:=Ada")
     daq = node(
-        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=12.0",
+        "daq", "-p", "fault:=jam", "-p", "fault_onset_s:=12.0",
         "-p", "duration_s:=600.0", "-p", "wait_for_subscribers:=3",
     )  # fmt: skip
     desk = Desk(AlarmJournal(folder / "console.sqlite"), "Ada")
     with (
         Peer(domain) as peer,
-        Process(node("flea_diag.nodes.diagnoser"), domain),
-        Process(node("flea_diag.nodes.operator.web", "-p", "port:=0", *journal), domain) as web,
+        Process(node("diagnoser"), domain),
+        Process(node("web", "-p", "port:=0", *journal), domain) as web,
         chromium() as browser,
     ):
         port = web.wait_for(SAYS_WHERE, LIMIT_S).partition(SAYS_WHERE)[2]
@@ -141,9 +141,9 @@ def stands_picture(domain: int, folder: Path) -> None:
     faults = {"bay_1": "", "bay_2": "jam", "bay_3": ""}
     with ExitStack() as stack:
         enter = stack.enter_context
-        fleet = node("flea_diag.nodes.fleet.fleet", "-p", stands, "-p", "memory:=none")
+        fleet = node("fleet", "-p", stands, "-p", "memory:=none")
         enter(Process([*fleet, "-p", "batch_ms:=20"], domain, cwd=folder))
-        page = node("flea_diag.nodes.operator.web", "-p", "port:=0", "-p", names, *journal)
+        page = node("web", "-p", "port:=0", "-p", names, *journal)
         web = enter(Process(page, domain))
         browser = enter(chromium())
         browser.size(1440, 620)
@@ -165,7 +165,7 @@ def daq(name: str, fault: str) -> list[str]:
     """Command of a simulated stand in a namespace of its own."""
     given = ("-p", "duration_s:=600.0", "-p", "wait_for_subscribers:=1")
     fault_given = ("-p", f"fault:={fault}", "-p", "fault_onset_s:=8.0") if fault else ()
-    return node("flea_sim_driver.daq_node", "-r", f"__ns:=/{name}", *given, *fault_given)
+    return node("daq", "-r", f"__ns:=/{name}", *given, *fault_given)
 
 
 def main() -> int:

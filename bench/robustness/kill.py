@@ -43,7 +43,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 
 from support.live import Peer, Process, process_of
 
-from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.live_run import COMPOSED, SEPARATE
 from flea_diag.wire.bags.bag import read_bag
@@ -146,7 +145,7 @@ class Campaign:
         pause_s = self._random.uniform(*PAUSE_S)
         peer.bus.wait_until(lambda: False, pause_s)
         before = _endpoints(peer, kill.node)
-        os.kill(process_of(process.child.pid, EXECUTABLES[kill.node]), signal.SIGKILL)
+        os.kill(process_of(process.child.pid, kill.node), signal.SIGKILL)
         killed_s, killed_ns = time.monotonic(), time.time_ns()
         kill.after_onset_s = killed_ns / 1e9 - onset_s
         if kill.node == "daq":

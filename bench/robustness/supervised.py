@@ -48,11 +48,7 @@ from flea_diag.wire.bus.stand_bus import StandBus
 from flea_diag.wire.records import AmbiguityGroup
 
 STANDS = ("arm_1", "arm_2", "arm_3")
-MODULES = {
-    "daq": "flea_sim_driver.daq_node",
-    "diagnoser": "flea_diag.nodes.diagnoser",
-    "recorder": "flea_diag.nodes.recording.recorder",
-}
+NODES = ("daq", "diagnoser", "recorder")
 BACK_S, BETWEEN_S, POLL_S = 60.0, (4.0, 10.0), 0.05
 SETTLED_S = 60.0
 """Time after which memory is taken to be that of a stand that runs."""
@@ -102,7 +98,7 @@ class Service:
             given += ["-p", "duration_s:=3600.0", "-p", "wait_for:=diagnoser"]
         if self.name == "recorder":
             given += ["-p", f"directory:={self.folder}/{self.stand}_{self.starts}"]
-        return node(MODULES[self.name], *given)
+        return node(self.name, *given)
 
     def end(self, number: signal.Signals) -> None:
         """Send a signal, if it runs."""
@@ -122,7 +118,7 @@ class Hall:
     """All services of the stands, and what they say."""
 
     def __init__(self, domain: int, folder: Path, peer: Peer) -> None:
-        self.services = [Service(s, n, domain, folder) for s in STANDS for n in MODULES]
+        self.services = [Service(s, n, domain, folder) for s in STANDS for n in NODES]
         self.peer = peer
         self.fresh_s = dict.fromkeys(STANDS, 0.0)
         """Time of the latest verdict of each stand that was not stale."""

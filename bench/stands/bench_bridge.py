@@ -78,8 +78,8 @@ def live(stand: Path, start_ns: int) -> tuple[list[Scan], AmbiguityGroup, list[f
 
     names, rows, _ = channels()
     reliable = [part for n in names for part in ("-p", RELIABLE.format(f"/bench/{n}"))]
-    bridge = node("flea_diag.nodes.bridge", "-p", f"stand:={stand}", *reliable)
-    diagnoser = node("flea_diag.nodes.diagnoser", "-p", f"stand:={stand}", "-p", "memory:=none")
+    bridge = node("bridge", "-p", f"stand:={stand}", *reliable)
+    diagnoser = node("diagnoser", "-p", f"stand:={stand}", "-p", "memory:=none")
     scans: list[Scan] = []
     groups: list[AmbiguityGroup] = []
     with (

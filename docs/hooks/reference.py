@@ -21,7 +21,6 @@ core from its docstrings (mkdocstrings). Nothing of it is typed by hand.
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import pkgutil
 from collections.abc import Iterator
@@ -31,7 +30,7 @@ from mkdocs.structure.files import File, Files
 
 import flea_diag.core
 from flea_diag.core.bond_graph.law_table import law_lines
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import EXECUTABLES, program_of
 from flea_diag.tools.main import commands, parser_of
 from flea_diag.wire.bus.declared import Common
 from flea_diag.wire.parameters import Descriptor, descriptors
@@ -111,8 +110,8 @@ def nodes_page() -> Iterator[str]:
         "NAME:=VALUE`. A parameter marked *fixed* is read at start; the others may be set while "
         "the node runs. A value outside its limits is refused with name, value and limit.\n"
     )
-    for name, module in EXECUTABLES.items():
-        program = importlib.import_module(module).program()
+    for name in EXECUTABLES:
+        program = program_of(name)
         yield f"\n## {name}\n\n{program.summary}\n"
         yield f"- subscribes: {_topics(program.subscribes)}"
         yield f"- publishes: {_topics(program.publishes)}\n"

@@ -16,10 +16,8 @@
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,15 +25,13 @@ from flea_diag.api.columns import TIMES, recording_of
 from flea_diag.api.recording import Recording, kept
 from flea_diag.api.stand_facts import channels_of, files_of, mapping_of
 from flea_diag.errors import RecordingError, shown
+from flea_diag.tools.recordings.importer import records_of
+from flea_diag.tools.recordings.raw_recordings import FLEA_SUFFIX, is_bag_of_ours
 from flea_diag.tools.tables.readers import read_table, stem_of, suffix_of
-from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.sources.mapping import MAPPED, SourceMapping
-from flea_diag.wire.topics import TOPIC_OF
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
-
-FLEA_SUFFIX = ".data"
 
 
 def foreign_recording(path: Path, stand: Stand | None, part: str) -> Recording | None:
@@ -49,7 +45,7 @@ def foreign_recording(path: Path, stand: Stand | None, part: str) -> Recording |
     if path.name.endswith(FLEA_SUFFIX):
         return _of_the_flea(path, stand)
     mapping = None if stand is None else mapping_of(stand)
-    if mapping is not None and mapping.format == MAPPED and not _is_ours(path):
+    if mapping is not None and mapping.format == MAPPED and not is_bag_of_ours(path):
         assert stand is not None
         return _mapped(path, stand, mapping, part)
     return _named_table(path, stand) if suffix_of(path) else None
@@ -60,7 +56,7 @@ def _of_the_flea(path: Path, stand: Stand | None) -> Recording:
     from flea_diag.tools.recordings.flea_run import FleaRun
 
     run = FleaRun.of(read_flea_data(path))
-    return kept(path.name.removesuffix(FLEA_SUFFIX), _records(run), stand)
+    return kept(path.name.removesuffix(FLEA_SUFFIX), records_of(run), stand)
 
 
 def _mapped(path: Path, stand: Stand, mapping: SourceMapping, part: str) -> Recording:
@@ -75,17 +71,7 @@ def _mapped(path: Path, stand: Stand, mapping: SourceMapping, part: str) -> Reco
     name = part or next(iter(found))
     if name not in found:
         raise RecordingError(f"{path} has no part {shown(name)}, it has {', '.join(found)}")
-    return kept(name, _records(found[name]), stand)
-
-
-def _records(recording: Any) -> Iterator[Record]:
-    """Channel table, truth, then scans and vibration by their stamps."""
-    yield recording.channel_table()
-    truth = recording.truth()
-    if truth is not None:
-        yield truth
-    vibration = getattr(recording, "vibration", ())
-    yield from heapq.merge(recording.scans(), vibration, key=lambda each: each.stamp_ns)
+    return kept(name, records_of(found[name]), stand)
 
 
 def _named_table(path: Path, stand: Stand | None) -> Recording:
@@ -102,9 +88,3 @@ def _named_table(path: Path, stand: Stand | None) -> Recording:
     read = {name: values for name, values in named.items() if np.isfinite(values).any()}
     made = recording_of(read, known, name=stem_of(path))
     return kept(made.name, made.records((object,)), known if stand is not None else None)
-
-
-def _is_ours(path: Path) -> bool:
-    from flea_diag.wire.bags.foreign_bag import ForeignBag
-
-    return not suffix_of(path) and TOPIC_OF[Scan].name in ForeignBag(path).topics

@@ -152,12 +152,9 @@ class Recording:
         """
         from flea_diag.wire.bags.bag_writer import new_bag
 
-        place, log_ns = Path(folder), 0
+        place = Path(folder)
         with new_bag(place) as bag:
-            for record in self.records(SENT):
-                for each in record.records() if isinstance(record, ScanBlock) else (record,):
-                    log_ns = max(log_ns, each.stamp_ns)
-                    bag.write(each, log_ns)
+            bag.write_all(self.records(SENT))
         return of_bag(place, self.stand, None)
 
     def __repr__(self) -> str:
@@ -218,9 +215,7 @@ def _folder_name(name: str) -> str:
 
 
 def _block(record: Scan | ScanBlock) -> ScanBlock:
-    if isinstance(record, ScanBlock):
-        return record
-    return ScanBlock(np.array([record.stamp_ns]), record.channels, np.array([record.values]))
+    return record if isinstance(record, ScanBlock) else ScanBlock.of(record)
 
 
 def _column(block: ScanBlock, name: str) -> Any:

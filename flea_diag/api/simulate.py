@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from flea_diag.api.recording import Recording, kept
 
@@ -62,17 +61,14 @@ def simulate(
     ConfigurationError
         Unknown scenario, machine or fault, or a value outside its limits.
     """
+    from flea_diag.tools.stand.simulate import given
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.scenario.scenario_file import overridden
     from flea_sim_driver.stand import SimulatedStand
 
     found = find_scenario(str(scenario), machine)
     found = replace(found, sensors=replace(found.sensors, vibration=vibration))
-    run = _given(seed=seed, unit_seed=unit_seed, duration_s=duration_s)
-    added = {"fault": fault, "onset_s": onset_s, **_given(size=size)} if fault else None
+    run = given(seed=seed, unit_seed=unit_seed, duration_s=duration_s)
+    added = {"fault": fault, "onset_s": onset_s, **given(size=size)} if fault else None
     made = overridden(found, "simulate", run, added)
     return kept(f"{made.run.name}_{made.run.seed}", iter(SimulatedStand(made)))
-
-
-def _given(**options: Any) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}

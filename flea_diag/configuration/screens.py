@@ -35,7 +35,7 @@ def load_causal_map(actuator: str | Path) -> CausalMap:
     return causal_map(described(actuator))
 
 
-def tree_planner(features: str | Path, strategy: str = "optimal") -> Planner:
+def tree_planner(features: str | Path) -> Planner:
     """Function that plans the diagnosis tree of a group, given the features requested so far."""
-    chooser = FeatureChooser(load_features(features).of_vibration(), strategy)
+    chooser = FeatureChooser(load_features(features).of_vibration())
     return partial(asked_tree, chooser=chooser)

@@ -151,3 +151,10 @@ def summed_in_order(values: Array) -> Array:
     """Sums over the last axis, in the order of a loop; numpy's own add eight at once."""
     sums: Array = np.add.accumulate(values, axis=-1)[..., -1]
     return sums
+
+
+def rolling_means(values: Array, window: int) -> Array:
+    """Means over ``window`` rows that follow one another, of each column: (n - window + 1, …)."""
+    sums = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
+    means: Array = (sums[window:] - sums[:-window]) / window
+    return means

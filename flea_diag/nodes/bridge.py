@@ -16,9 +16,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -27,7 +25,7 @@ from flea_diag.configuration.channels import channel_sources
 from flea_diag.configuration.files import DEFAULT_STAND
 from flea_diag.configuration.stand import load_stand
 from flea_diag.errors import ConfigurationError, WireError
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.bus.foreign_topic import check_interface
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import ChannelTable, Health, Level, Scan, VibrationBlock
@@ -195,12 +193,3 @@ def program() -> Program:
         examples=("ros2 run flea_diag bridge --ros-args -p stand:=./mine",),
         check=check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -23,9 +23,8 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import EXECUTABLES, program_of
 from flea_diag.wire.ending import ENDING, end_at_once
 
 
@@ -39,7 +38,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         known = ", ".join(EXECUTABLES)
         print(f"flea_diag: no executable {name!r}, known are {known}", file=sys.stderr)
         return 2
-    return int(import_module(EXECUTABLES[name]).main(arguments[1:]))
+    from flea_diag.wire.bus import run
+
+    return run(lambda: program_of(name), arguments[1:])
 
 
 if __name__ == "__main__":

@@ -19,14 +19,14 @@ from __future__ import annotations
 import math
 
 from flea_diag.operator.alarm import OUT, REPLAY, SHELVED, Alarm, AlarmAction, Key, Member
-from flea_diag.operator.panel import NS, Line, Panel, clock, share
+from flea_diag.operator.panel import Line, Panel, clock, share
 from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.shift.alarm_filter import EVERY, FILTERS
 from flea_diag.operator.shift.alarm_rate import rate_text
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.verdict_view import in_short
 from flea_diag.operator.words import later, tr
-from flea_diag.wire.records import NEVER_NS, OUTCOME_LEVEL, Level, Symbol
+from flea_diag.wire.records import NEVER_NS, OUTCOME_LEVEL, SECOND_NS, Level, Symbol
 
 MOST_SHOWN = 12
 MOST_MARKS = 6
@@ -75,7 +75,7 @@ def member_text(member: Member, alone: bool) -> str:
 def lifetime(alarm: Alarm, open_key: Key | None) -> str:
     """Whether the alarm is active, or when it returned to normal and after how long."""
     if alarm.closed_ns != NEVER_NS:
-        lasted_s = (alarm.closed_ns - alarm.detected_ns) / NS
+        lasted_s = (alarm.closed_ns - alarm.detected_ns) / SECOND_NS
         at, lasted = clock(alarm.closed_ns)[:-2], duration(lasted_s)
         return tr("returned {at} after {duration}", at=at, duration=lasted)
     return tr("active") if alarm.key == open_key else tr("end not observed")

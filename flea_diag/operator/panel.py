@@ -22,11 +22,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from flea_diag.wire.records import NEVER_NS, Level
+from flea_diag.wire.records import NEVER_NS, SECOND_NS, Level
 
 BAR_CELLS = 14
 EIGHTHS = " ▏▎▍▌▋▊▉█"
-NS = 1_000_000_000
 DAYS = 719_468
 """From 1 March of the year 0 to 1970; a year that begins in March ends with its leap day."""
 DAYS_400_YEARS = 146_097
@@ -57,20 +56,21 @@ class Panel:
         return "\n".join([self.title, *(line.text for line in self.lines)])
 
 
-def clock(stamp_ns: int) -> str:
-    """Time of day in UTC to the millisecond."""
+def clock(stamp_ns: int, digits: int = 3) -> str:
+    """Time of day in UTC, with so many digits of the second's fraction."""
     if stamp_ns == NEVER_NS:
         return "--:--:--"
-    seconds = stamp_ns // NS % 86400
+    seconds = stamp_ns // SECOND_NS % 86400
     hours, minutes = seconds // 3600, seconds // 60 % 60
-    return f"{hours:02d}:{minutes:02d}:{seconds % 60:02d}.{stamp_ns // 1_000_000 % 1000:03d}"
+    fraction = f".{stamp_ns % SECOND_NS:09d}"[: digits + 1] if digits else ""
+    return f"{hours:02d}:{minutes:02d}:{seconds % 60:02d}{fraction}"
 
 
 def date(stamp_ns: int) -> str:
     """Day in UTC, without a clock's library (Hinnant, days from civil); empty for none."""
     if stamp_ns == NEVER_NS:
         return ""
-    era, day = divmod(stamp_ns // NS // 86400 + DAYS, DAYS_400_YEARS)
+    era, day = divmod(stamp_ns // SECOND_NS // 86400 + DAYS, DAYS_400_YEARS)
     of_era = (day - day // 1460 + day // 36524 - day // 146096) // 365
     of_year = day - (365 * of_era + of_era // 4 - of_era // 100)
     march = (5 * of_year + 2) // 153

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from itertools import islice
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -62,53 +63,73 @@ def in_order(
 ) -> Iterator[Result | Refused]:
     """Results in the order of the items, from so many processes; with one, from this one.
 
-    ``work`` and what it returns must be picklable. If a process dies, the next item that has no
-    result is worked on alone, then the rest as before: it ends its own item and no other.
     ``cluster`` is the address of a Dask scheduler, whose workers then take the place of processes;
     ``pool_of`` gives the pool of so many processes, by default a new one.
     """
-    pool_of = pool_of or worker_pool
-    if cluster:
-        yield from _from_cluster(work, items, cluster)
-        return
-    if min(jobs, len(items)) <= 1:
-        yield from map(work, items)
-        return
-    done = 0
-    while done < len(items):
-        for result in _until_it_breaks(work, items[done:], jobs, pool_of):
-            yield result
-            done += 1
-        if done < len(items):
-            alone = _until_it_breaks(work, items[done : done + 1], 1, worker_pool)
-            yield next(alone, Refused(f"{items[done]}: {DIED}"))
-            done += 1
-
-
-def _from_cluster(
-    work: Callable[[Item], Result], items: Sequence[Item], address: str
-) -> Iterator[Result | Refused]:
     from flea_diag.tools.cluster import on_cluster
 
+    jobs = min(jobs, len(items))
+    if not cluster and jobs <= 1:
+        yield from map(work, items)
+        return
     early: dict[int, Result | Refused] = {}
     due = 0
-    for number, _, result in on_cluster(work, items, address):
+    found = on_cluster(work, items, cluster) if cluster else completed(work, items, jobs, pool_of)
+    for number, _, result in found:
         early[number] = result
         while due in early:
             yield early.pop(due)
             due += 1
 
 
+def completed(
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    jobs: int,
+    pool_of: PoolOf | None = None,
+) -> Iterator[tuple[int, Item, Result | Refused]]:
+    """Number, item and result of each item from so many processes, in the order of completion.
+
+    ``work`` and what it returns must be picklable. If a process dies, the items in work are
+    repeated, each alone: it ends its own item and no other.
+    """
+    rest = enumerate(items)
+    while True:
+        suspects: list[tuple[int, Item]] = []
+        yield from _until_it_breaks(work, rest, jobs, pool_of or worker_pool, suspects)
+        if not suspects:
+            return
+        for number, item in suspects:  # one of them broke the pool; each alone shows which
+            alone = _until_it_breaks(work, iter([(number, item)]), 1, worker_pool, [])
+            yield from list(alone) or [(number, item, Refused(f"{item}: {DIED}"))]
+
+
 def _until_it_breaks(
-    work: Callable[[Item], Result], items: Sequence[Item], jobs: int, pool_of: PoolOf
-) -> Iterator[Result]:
-    """Results until a process dies."""
+    work: Callable[[Item], Result],
+    items: Iterator[tuple[int, Item]],
+    jobs: int,
+    pool_of: PoolOf,
+    suspects: list[tuple[int, Item]],
+) -> Iterator[tuple[int, Item, Result | Refused]]:
+    """Results until all are done or a process dies; what was in work is then suspect."""
+    from concurrent.futures import FIRST_COMPLETED, Future, wait
     from concurrent.futures.process import BrokenProcessPool
 
-    with suppress(BrokenProcessPool), pool_of(min(jobs, len(items))) as pool:
+    running: dict[Future[Result], tuple[int, Item]] = {}
+    with suppress(BrokenProcessPool), pool_of(jobs) as pool:
         try:
-            yield from pool.map(work, items)
+            while True:
+                for entry in islice(items, 2 * jobs - len(running)):
+                    suspects.append(entry)
+                    future = pool.submit(work, entry[1])  # a broken pool refuses it
+                    running[future] = suspects.pop()
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    result = future.result()
+                    yield (*running.pop(future), result)
         except BrokenProcessPool:
+            suspects += running.values()
             raise
         except BaseException:
             _end(pool)

@@ -22,6 +22,7 @@ from flea_diag.operator.action_view import ADVICE, GO_ON, STOP, action, parts
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
 from flea_diag.operator.alarm_view import action_text
+from flea_diag.operator.panel import clock
 from flea_diag.operator.quantity import number, statistic
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OPEN, OperatorState
@@ -34,7 +35,7 @@ from flea_diag.operator.verdict_view import (
     truth_text,
 )
 from flea_diag.operator.words import later, tr
-from flea_diag.web.markup import Markup, clock, joined, moment, tag
+from flea_diag.web.markup import Markup, joined, moment, tag
 from flea_diag.web.panels import CLASS, SHAPE
 from flea_diag.wire.records import (
     NEVER_NS,

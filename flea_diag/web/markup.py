@@ -21,9 +21,10 @@ from datetime import datetime, timezone
 from markupsafe import Markup, escape
 
 from flea_diag.errors import visible
-from flea_diag.wire.records import NEVER_NS
+from flea_diag.operator.panel import clock
+from flea_diag.wire.records import NEVER_NS, SECOND_NS
 
-__all__ = ["Markup", "clock", "joined", "moment", "path", "tag", "text"]
+__all__ = ["Markup", "joined", "moment", "path", "tag", "text"]
 
 
 def tag(name: str, *children: object, **attributes: object) -> Markup:
@@ -65,14 +66,5 @@ def moment(stamp_ns: int, digits: int = 1, class_: str = "") -> Markup:
     words = f"{clock(stamp_ns, digits)} UTC"
     if stamp_ns == NEVER_NS:
         return tag("span", words, class_=class_ or None)
-    at = datetime.fromtimestamp(stamp_ns // 1_000_000_000, tz=timezone.utc)
+    at = datetime.fromtimestamp(stamp_ns // SECOND_NS, tz=timezone.utc)
     return tag("time", words, datetime=f"{at:%Y-%m-%dT%H:%M:%SZ}", class_=class_ or None)
-
-
-def clock(stamp_ns: int, digits: int = 1) -> str:
-    """Time of day in UTC of a record's stamp."""
-    if stamp_ns == NEVER_NS:
-        return "--:--:--"
-    moment = datetime.fromtimestamp(stamp_ns // 1_000_000_000, tz=timezone.utc)
-    fraction = f"{stamp_ns % 1_000_000_000:09d}"[:digits]
-    return f"{moment:%H:%M:%S}" + (f".{fraction}" if digits else "")

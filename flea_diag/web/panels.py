@@ -30,6 +30,7 @@ from flea_diag.operator.alarm_view import (
     standing_text,
     tally,
 )
+from flea_diag.operator.panel import clock
 from flea_diag.operator.quantity import number
 from flea_diag.operator.shift.alarm_filter import is_active, matching
 from flea_diag.operator.stand_view import quality_rows, stream_losses
@@ -37,7 +38,7 @@ from flea_diag.operator.state import AskedFeature, OperatorState
 from flea_diag.operator.stream import AXIS, StreamState
 from flea_diag.operator.verdict_view import in_short
 from flea_diag.operator.words import later, tr
-from flea_diag.web.markup import Markup, clock, joined, moment, tag
+from flea_diag.web.markup import Markup, joined, moment, tag
 from flea_diag.wire.records import (
     OUTCOME_LEVEL,
     AmbiguityGroup,
@@ -100,7 +101,7 @@ def data_quality(state: OperatorState, now_ns: int = 0) -> Markup:
         (
             row.channel,
             state_word(QUALITY_LEVEL[row.quality], tr(row.quality.value)),
-            clock(row.since_ns),
+            clock(row.since_ns, 1),
             row.reason,
             ", ".join(f"{n} {tr(name)}" for name, n in row.counters if n and name != TOTAL)
             or tr("nothing"),
@@ -160,7 +161,7 @@ def dropped(group: AmbiguityGroup) -> Markup:
 def _considered(candidate: Candidate, standing: str) -> tuple[object, ...]:
     evidence = joined(
         *(
-            tag("span", f"{clock(e.stamp_ns)} {e.source}: {e.verdict}", class_="comment")
+            tag("span", f"{clock(e.stamp_ns, 1)} {e.source}: {e.verdict}", class_="comment")
             for e in candidate.evidence
         )
     )
@@ -233,7 +234,7 @@ def _marks(state: OperatorState) -> Markup | None:
     """Marks of the operators, the latest first."""
     if not state.marks:
         return None
-    rows = [(clock(mark.stamp_ns), mark.author, mark.text) for mark in reversed(state.marks)]
+    rows = [(clock(mark.stamp_ns, 1), mark.author, mark.text) for mark in reversed(state.marks)]
     return joined(
         Markup("<br>"),
         ledger((later("marked, UTC"), later("by"), later("text")), rows[:MOST_MARKS]),

@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.operator.quantity import unit_of
+from flea_diag.operator.stream import JUMP_NS
 from flea_diag.operator.words import tr
 from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, VibrationLevel
 
@@ -42,8 +43,6 @@ STRETCH_NS = {"residual": 100_000_000, "channel": 100_000_000, "vibration": 200_
 KEPT_NS = 60_000_000_000
 PAST_S = 600
 """What is older than ``KEPT_NS`` is kept so long, as the range of each second."""
-JUMP_NS = 1_000_000_000
-"""Step back of the stamps from which on a new run is assumed, as in the nodes."""
 
 
 class Strip:

@@ -20,14 +20,15 @@ the live graph passes single records.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import Residual, Scan
+from flea_diag.wire.records import Record, Residual, Scan
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -43,6 +44,12 @@ class ScanBlock:
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
+
+    @staticmethod
+    def of(*scans: Scan) -> ScanBlock:
+        """Block of one or more scans, all with the channels of the first."""
+        stamps_ns, values = [scan.stamp_ns for scan in scans], [scan.values for scan in scans]
+        return ScanBlock(np.array(stamps_ns), scans[0].channels, np.array(values, dtype=float))
 
     def part(self, which: slice) -> ScanBlock:
         """Some of these scans."""
@@ -83,19 +90,9 @@ class ResidualBlock:
 
     def part(self, which: slice) -> ResidualBlock:
         """Some of these records."""
-        return ResidualBlock(
-            self.stamps_ns[which],
-            self.names,
-            self.values[which],
-            self.z[which],
-            self.thresholds[which],
-            self.regressor_names,
-            self.regressors[which],
-            self.estimated,
-            self.estimates[which],
-            self.estimate_sigmas[which],
-            self.health[which],
-        )
+        columns = (getattr(self, name) for name in self.__slots__)
+        some: list[Any] = [c if isinstance(c, tuple) else c[which] for c in columns]
+        return ResidualBlock(*some)
 
     def records(self) -> Iterator[Residual]:
         """The records one by one."""
@@ -145,3 +142,12 @@ def block_of(*records: Residual) -> ResidualBlock:
 
 
 Block = ScanBlock | ResidualBlock
+
+
+def singly(records: Iterable[Record | Block]) -> Iterator[Record]:
+    """Records one by one, as topics have them."""
+    for record in records:
+        if isinstance(record, Block):
+            yield from record.records()
+        else:
+            yield record

@@ -40,15 +40,14 @@ def parse_json(
     *,
     largest: int = LARGEST_TEXT,
     most_values: int = MOST_VALUES,
-    deepest: int = DEEPEST,
     finite: bool = True,
 ) -> Any:
     """What a text says.
 
     Parameters
     ----------
-    largest, most_values, deepest
-        Limits of characters, values and levels.
+    largest, most_values
+        Limits of characters and values.
     finite
         Refuse ``NaN`` and ``Infinity``, which Python writes and JSON does not know.
 
@@ -59,17 +58,17 @@ def parse_json(
     """
     if len(text) > largest:
         raise ValueError(f"{len(text)} characters, at most {largest} are read")
-    _measure(text, most_values, deepest)
+    _measure(text, most_values)
     try:
         return (_STRICT if finite else _OF_PYTHON).decode(text)
     except json.JSONDecodeError as error:
         place = f"(line {error.lineno}, column {error.colno})"
         raise ValueError(f"not valid JSON: {error.msg} {place}") from None
     except RecursionError:
-        raise ValueError(f"nested deeper than {deepest} levels") from None
+        raise ValueError(f"nested deeper than {DEEPEST} levels") from None
 
 
-def _measure(text: str, most_values: int, deepest: int) -> None:
+def _measure(text: str, most_values: int) -> None:
     """Refuse what would take much memory or time, by what stands outside of quotes."""
     unescaped = text.replace("\\\\", "").replace('\\"', "")
     if unescaped.count('"') > 4 * most_values:
@@ -78,8 +77,8 @@ def _measure(text: str, most_values: int, deepest: int) -> None:
     if plain.count(",") + plain.count("[") + plain.count("{") > most_values:
         _refuse_many(most_values)
     levels = accumulate(map(_STEP.__getitem__, _NO_BRACKET.sub("", plain)))
-    if max(levels, default=0) > deepest:
-        raise ValueError(f"nested deeper than {deepest} levels")
+    if max(levels, default=0) > DEEPEST:
+        raise ValueError(f"nested deeper than {DEEPEST} levels")
     if _NUMBER.search(plain):
         raise ValueError(f"a number of more than {LONGEST_NUMBER} characters")
 

@@ -41,6 +41,7 @@ from flea_diag.wire.vocabulary import OTHER_UNIT as OTHER_UNIT
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
 from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION as OUTSIDE_CALIBRATION
 from flea_diag.wire.vocabulary import QUIET as QUIET
+from flea_diag.wire.vocabulary import SECOND_NS as SECOND_NS
 from flea_diag.wire.vocabulary import STARVING as STARVING
 from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK

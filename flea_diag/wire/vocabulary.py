@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from enum import Enum, IntEnum
 
+SECOND_NS = 1_000_000_000
 NEVER_NS = -1
 """Stamp of an event that has not happened."""
 BY_DESIGN = "by design"

@@ -26,11 +26,11 @@ from flea_diag.wire.records import ChannelTable, Health, Scan, Truth, VibrationB
 from flea_sim_driver.scenario.settings import DEFAULT_EPOCH_S
 
 NANOSECONDS = 1_000_000_000
-MODULE = "flea_sim_driver.daq_node"
+NODE = "daq"
 
 
 def daq(*parameters: str) -> list[str]:
-    return node(MODULE, *(part for each in parameters for part in ("-p", each)))
+    return node(NODE, *(part for each in parameters for part in ("-p", each)))
 
 
 def test_the_daq_streams_its_scenario_and_ends_by_itself(domain: int) -> None:
@@ -151,7 +151,7 @@ def test_stamps_are_the_daqs_clock(domain: int) -> None:
 
 def test_a_graph_on_simulated_time_goes_by_the_stands_clock(domain: int) -> None:
     """The stand keeps its own epoch, and a node that uses simulated time tells that time."""
-    observer = node("flea_diag.nodes.observer", "-p", "use_sim_time:=true")
+    observer = node("observer", "-p", "use_sim_time:=true")
     stand = daq("publish_clock:=true", "rate:=4.0", "wait_for_subscribers:=2")
     with Peer(domain) as peer:
         peer.bus.subscribe(Scan, peer.records.append)

@@ -156,12 +156,12 @@ def test_a_mapping_that_cannot_be_bridged_stops_the_start(
 ) -> None:
     row = {**arm.CHANNELS["motor_current"], **changes}
     stand = arm.arm_stand(tmp_path / "mine", {**MAPPING, "channels": {"motor_current": row}})
-    with Process(node("flea_diag.nodes.bridge", "-p", f"stand:={stand}"), domain) as process:
+    with Process(node("bridge", "-p", f"stand:={stand}"), domain) as process:
         assert process.end() == 2
     assert words in process.output
 
 
 def test_a_stand_without_topics_is_refused_by_name(domain: int) -> None:
-    with Process(node("flea_diag.nodes.bridge", "-p", "stand:=flea"), domain) as process:
+    with Process(node("bridge", "-p", "stand:=flea"), domain) as process:
         assert process.end() == 2
     assert "channels.yaml names no topics" in process.output

@@ -42,7 +42,6 @@ GENERAL: dict[Row, str] = {
     ("calibration/heat_identification.py", "LEAST_SCANS", 500): "size of a sample",
     ("calibration/identification.py", "MINIMUM_MOVING_S", 5.0): "size of a sample",
     ("calibration/innovation_learning.py", "PIECE_SCANS", 1000): "size of a sample",
-    ("calibration/innovation_learning.py", "SETTLE_SCANS", 50): "size of a sample",
     ("calibration/noise_identification.py", "PIECE_SCANS", 300): "size of a sample",
     ("calibration/noise_identification.py", "SETTLE_SCANS", 50): "size of a sample",
     ("calibration/power_balance.py", "SMOOTHED_S", 0.2): "longer than the PWM of a drive",

@@ -118,20 +118,20 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in listed]
 
 
-def process_of(parent: int, module: str) -> int:
-    """Process id of the one child that runs a module."""
+def process_of(parent: int, name: str) -> int:
+    """Process id of the one child that is this executable."""
     (found,) = (
         pid
         for pid in children(parent)
-        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+        if name in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
     )
     return found
 
 
-def node(module: str, *arguments: str) -> list[str]:
+def node(name: str, *arguments: str) -> list[str]:
     """Command line of one of our nodes, from the source tree."""
     ros = ["--ros-args", *arguments] if arguments else []
-    return [sys.executable, "-m", module, *ros]
+    return [sys.executable, "-m", "flea_diag.nodes.main", name, *ros]
 
 
 def toy(*arguments: str) -> list[str]:

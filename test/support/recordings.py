@@ -26,7 +26,7 @@ TABLE = ChannelTable(START_NS, "toy", (ChannelInfo("motor_current", "A", -10.0, 
 
 
 def recorder(directory: Path, *arguments: str) -> list[str]:
-    return node("flea_diag.nodes.recording.recorder", "-p", f"directory:={directory}", *arguments)
+    return node("recorder", "-p", f"directory:={directory}", *arguments)
 
 
 def scan(number: int) -> Scan:

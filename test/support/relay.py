@@ -46,7 +46,7 @@ busy machine a reader that is not waited for has its queue overrun."""
 def relayed(name: str, seed: int, domain: int) -> lossy.Passed:
     """One healthy run that is spoilt on its way to a diagnoser of its own."""
     spoilt = lossy.spoilt_run(name, seed)
-    diagnoser = node("flea_diag.nodes.diagnoser", "-p", "memory:=none")
+    diagnoser = node("diagnoser", "-p", "memory:=none")
     with Process(diagnoser, domain), Peer(domain, name="relay") as relay:
         relay.bus.advertise(ChannelTable, VibrationBlock, Scan)
         relay.listen(AmbiguityGroup, DataQuality, Detection, Residual)

@@ -278,9 +278,8 @@ def test_every_argument_is_explained_and_used(stood_in: Any, name: str) -> None:
 @pytest.mark.parametrize("composed", ["true", "false"])
 @pytest.mark.parametrize("name", FILES)
 def test_nodes_and_parameters_exist(stood_in: Any, name: str, composed: str) -> None:
-    from importlib import import_module
 
-    from flea_diag.nodes.executables import EXECUTABLES
+    from flea_diag.nodes.executables import program_of
 
     described = stood_in["description_of"](ROOT / "launch" / name)
     context = stood_in["Context"]()
@@ -292,7 +291,7 @@ def test_nodes_and_parameters_exist(stood_in: Any, name: str, composed: str) -> 
     assert len(nodes) >= 3
     for node in nodes:
         assert node.package == "flea_diag"
-        known = import_module(EXECUTABLES[node.executable]).program().parameters
+        known = program_of(node.executable).parameters
         names = {entry.name for entry in descriptors(known)} | {"use_sim_time"}
         for parameters in node.parameters:
             assert set(parameters) <= names

@@ -29,7 +29,6 @@ import pytest
 from support.live import Peer, Process, children, node, process_of
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.run.children import Children
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.live_run import machine_of, main, parsed
@@ -62,7 +61,7 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
     with Process(command(tmp_path / "run", "--for", "600", "--at", "7"), domain) as process:
         process.wait_for("ISOLATED", limit_s=180.0)
         for name in ("isolator", "recorder"):
-            os.kill(process_of(process.child.pid, EXECUTABLES[name]), signal.SIGKILL)
+            os.kill(process_of(process.child.pid, name), signal.SIGKILL)
         for name in ("isolator", "recorder"):
             process.wait_for(f"{name} was ended by SIGKILL: restart 1 of at most 3")
         process.output = ""
@@ -85,7 +84,7 @@ def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_pat
     run = command(tmp_path / "run", "--composed", *fault)
     with Process(run, domain, XDG_STATE_HOME=str(tmp_path)) as process:
         process.wait_for("DETECTED", limit_s=180.0)
-        os.kill(process_of(process.child.pid, "flea_diag.nodes.diagnoser"), signal.SIGKILL)
+        os.kill(process_of(process.child.pid, "diagnoser"), signal.SIGKILL)
         process.wait_for("diagnoser was ended by SIGKILL: restart 1 of at most 3")
         process.output = ""
         process.wait_for("before observer and isolator restarted", limit_s=180.0)
@@ -99,7 +98,7 @@ def test_the_nodes_of_another_stand_diagnose_it(domain: int, machine: str) -> No
     given = (f"stand:={machine}", "observer_backend:=numpy", "memory:=none")
     run = (f"machine:={machine}", "duration_s:=2.0", "wait_for:=diagnoser")
     diagnoser, daq = (
-        node(EXECUTABLES[name], *(part for each in values for part in ("-p", each)))
+        node(name, *(part for each in values for part in ("-p", each)))
         for name, values in (("diagnoser", given), ("daq", run))
     )
     with Process(diagnoser, domain) as judge, Process(daq, domain) as stand, Peer(domain) as peer:
@@ -118,14 +117,14 @@ def until_recorded(bag: Path, limit_s: float = 30.0) -> None:
 
 def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
     told: list[str] = []
-    module = tmp_path / "falling.py"
-    module.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
+    first = tmp_path / "sitecustomize.py"  # what Python runs before anything else
+    first.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
     with (tmp_path / "log").open("wb") as log:
         falling = Children(log, told.append)
         with patch.dict(os.environ, {"PYTHONPATH": str(tmp_path)}):
-            falling.start("falling", "falling", {})
+            falling.start("observer", {})
             with pytest.raises(
-                ConfigurationError, match=r"falling.*SIGKILL.*3 restarts.*run stopped"
+                ConfigurationError, match=r"observer.*SIGKILL.*3 restarts.*run stopped"
             ):
                 give_up(falling)
         falling.end()

@@ -145,7 +145,7 @@ def module_domain(compiled: None) -> Iterator[int]:
 def composed(module_domain: int) -> Iterator[Flight]:
     """The diagnoser, all three stages in one process, which sees one bag after the other."""
     with (
-        Process(node("flea_diag.nodes.diagnoser", "-p", "memory:=none"), module_domain),
+        Process(node("diagnoser", "-p", "memory:=none"), module_domain),
         Peer(module_domain) as peer,
     ):
         yield Flight(peer)
@@ -172,7 +172,7 @@ def test_the_composed_node_decides_the_same(
 def test_separate_nodes_decide_the_same(domain: int, replayed: Summaries) -> None:
     with ExitStack() as running:
         for part, told in (("observer", ()), ("isolator", PATIENT), ("extractor", ())):
-            running.enter_context(Process(node(f"flea_diag.nodes.{part}", *told), domain))
+            running.enter_context(Process(node(part, *told), domain))
         flight = Flight(running.enter_context(Peer(domain)), BETWEEN_NODES)
         records = sources(FEATURE)
         scan = next(record for record in records if isinstance(record, Scan))

@@ -23,7 +23,7 @@ import pytest
 from support.live import ROOT, Process, node
 
 from flea_diag.configuration.files import config_path
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import program_of
 from flea_diag.nodes.run.live_run import discovery
 from flea_diag.wire.messages.typed_verdict import VERDICT
 from flea_diag.wire.topics import TOPICS
@@ -57,7 +57,7 @@ def test_no_node_shares_memory_unless_it_is_asked_to(
 ) -> None:
     """A reader that is killed may spoil that memory for all who are left."""
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
-    console = node("flea_diag.nodes.operator.console", "-p", "style:=lines")
+    console = node("console", "-p", "style:=lines")
     alone = {**NO_PROFILE, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **transports}
     with Process(console, domain, **alone) as process:
         process.wait_for("no verdict yet")
@@ -69,13 +69,11 @@ def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(do
     profile = discovery()
     assert profile["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
     without = {**NO_PROFILE, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    console = node("flea_diag.nodes.operator.console", "-p", "style:=lines")
-    daq = node(
-        "flea_sim_driver.daq_node", "-p", "duration_s:=30.0", "-p", "wait_for_subscribers:=1"
-    )
+    console = node("console", "-p", "style:=lines")
+    daq = node("daq", "-p", "duration_s:=30.0", "-p", "wait_for_subscribers:=1")
     with (
         Process(console, domain, **profile) as screen,
-        Process(node("flea_diag.nodes.diagnoser"), domain, **profile) as diagnoser,
+        Process(node("diagnoser"), domain, **profile) as diagnoser,
         Process(daq, domain, **profile) as stand,
         Process(console, domain, **without) as outside,
     ):
@@ -121,10 +119,9 @@ def test_every_node_has_a_policy_and_every_topic_in_it_is_ours() -> None:
 
 
 def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
-    from importlib import import_module
 
     for name, profile in profiles().items():
-        declared = import_module(EXECUTABLES[name]).program()
+        declared = program_of(name)
         topics = {topic.record: topic.name for topic in TOPICS}
         standard = {"/parameter_events", "/rosout", "/clock"}
         writes = {topics[t] for t in declared.publishes} | OF_ALL

@@ -196,9 +196,9 @@ def test_the_bridge_leads_to_the_decisions_of_the_import(folder: Path, domain: i
     reliable = "qos_overrides./joint_states.subscription.reliability:=reliable"
     given = [*bridge[5:], "-p", reliable]
     with (
-        Process(node("flea_diag.nodes.bridge", *given), domain, cwd=folder.parent),
+        Process(node("bridge", *given), domain, cwd=folder.parent),
         Process(
-            node("flea_diag.nodes.diagnoser", *diagnoser[5:], "-p", "memory:=none"),
+            node("diagnoser", *diagnoser[5:], "-p", "memory:=none"),
             domain,
             cwd=folder.parent,
         ),

@@ -33,7 +33,7 @@ from support.graph.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
-from flea_diag.nodes import diagnoser
+from flea_diag.nodes.stage_nodes import diagnoser
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay import replay
 from flea_diag.wire.bags.bag import read_bag
@@ -244,7 +244,7 @@ def world_of(row: Row, folder: Path) -> World:
     disk = FailingDisk(folder, lambda _number, _name: 0)
     world = World(
         5, folder, run, scheduler, Network(scheduler), disk, row.spoilt, row.troubles,
-        layout=(diagnoser.program,),
+        layout=(diagnoser,),
     )  # fmt: skip
     with scheduler.as_time():
         world.start()

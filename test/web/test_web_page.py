@@ -37,7 +37,7 @@ from flea_diag.nodes.operator.web import WebParameters, start
 from flea_diag.web.server import Server
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Truth
 
-MODULE = "flea_diag.nodes.operator.web"
+NODE = "web"
 SAYS_WHERE = "the page is at http://127.0.0.1:"
 ON_THE_PAGE_MS = 300.0
 """So soon after the scan that caused it a detection stands on the page, where the machine has a
@@ -61,7 +61,7 @@ def serve(domain: int, tmp_path: Path) -> Callable[..., Process]:
 
     def served(port: int = 0) -> Process:
         given = (f"port:={port}", journal, "author:=Ada")
-        return Process(node(MODULE, *(text for pair in given for text in ("-p", pair))), domain)
+        return Process(node(NODE, *(text for pair in given for text in ("-p", pair))), domain)
 
     return served
 
@@ -76,10 +76,10 @@ def test_a_jam_from_the_first_scan_to_the_last_comment(
     domain: int, serve: Callable[..., Process], browser: Browser
 ) -> None:
     daq = node(
-        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
+        "daq", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
         "-p", "duration_s:=90.0", "-p", "wait_for_subscribers:=2",
     )  # fmt: skip
-    diagnoser = node("flea_diag.nodes.diagnoser")
+    diagnoser = node("diagnoser")
     with Peer(domain) as peer, Process(diagnoser, domain) as stage, serve() as web:
         port = port_of(web)
         browser.open(f"http://127.0.0.1:{port}/")

@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import pytest
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import EXECUTABLES, program_of
 from flea_diag.wire.parameters import build, descriptors, parameter
 
 
@@ -79,7 +78,7 @@ def test_what_is_within_the_bounds_is_taken() -> None:
 
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_no_number_of_any_node_may_be_infinite_or_unknown(name: str) -> None:
-    parameters = import_module(EXECUTABLES[name]).program().parameters
+    parameters = program_of(name).parameters
     for entry in descriptors(parameters):
         if entry.kind is float:
             for value in (math.nan, math.inf, -math.inf):

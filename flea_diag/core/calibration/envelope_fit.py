@@ -38,6 +38,7 @@ from flea_diag.core.residuals.leverage import (
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import Heating, SupplyMean
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
@@ -170,9 +171,8 @@ def _largest(trace: Trace, column: int, place: npt.NDArray[np.int64], window: in
     if np.count_nonzero(use) < window:
         return np.zeros(3)
     parts = np.where(place[use, None] == np.arange(3), values[use, None], 0.0)
-    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(parts, axis=0)))
-    means: Array = np.abs(sums[window:] - sums[:-window]).max(axis=0) / window
-    return means
+    largest: Array = np.abs(rolling_means(parts, window)).max(axis=0)
+    return largest
 
 
 def loaded(

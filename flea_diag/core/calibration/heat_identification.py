@@ -27,12 +27,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.calibration.identified import Identified
 from flea_diag.core.calibration.relation_fit import Regression, of_quotients, parted
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import Prediction
@@ -59,21 +60,6 @@ FAR_K = 4.0
 """Single-sample spikes of 10 K and more would bias an ordinary slope."""
 
 
-class Result(Protocol):
-    """Receives the identified parameters and those that cannot be identified."""
-
-    parameters: ActuatorParameters
-    sigmas: dict[str, float]
-
-    def found(self, values: dict[str, float], covariance: Array) -> None:
-        """Parameters that the data identify."""
-        ...
-
-    def missing(self, names: Sequence[str], reason: str) -> None:
-        """Parameters that keep their defaults."""
-        ...
-
-
 @dataclass(frozen=True)
 class NominalSignals:
     """Smoothed signals of all runs by name, shape (n,), and the run of each row."""
@@ -91,7 +77,7 @@ def identify(
     period_s: float,
     relations: RelationSet,
     signals: NominalSignals,
-    result: Result,
+    result: Identified,
 ) -> None:
     """Identify supply and exchange of every predicted store as far as the recordings allow."""
     balanced = {name for row in relations.relations for name in symbols(row.expression)}
@@ -117,7 +103,7 @@ class _Store:
     signals: NominalSignals
     index: Mapping[str, int]
 
-    def identify(self, runs: Sequence[NominalRun], period_s: float, result: Result) -> None:
+    def identify(self, runs: Sequence[NominalRun], period_s: float, result: Identified) -> None:
         """Identify what this store alone fixes: the parameters of others are known by then."""
         names = dict.fromkeys(n for rate in self.row.exchange.values() for n in symbols(rate))
         cooling = [name for name in names if name not in result.sigmas]
@@ -137,7 +123,7 @@ class _Store:
             x, covariance = _fitted(fit)
             result.found(*fit.solved(np.maximum(x, 0.0), covariance))
 
-    def _taken(self, fit: Regression, result: Result) -> bool:
+    def _taken(self, fit: Regression, result: Identified) -> bool:
         """Whether a fit is one of a store that is heated and cools down; it is then stored."""
         x, covariance = _fitted(fit)
         values, errors = fit.solved(x, covariance)
@@ -152,7 +138,7 @@ class _Store:
         return sum(not name.startswith(WITH) for name in fit.names)
 
     def _regression(
-        self, rows: Array, cooling: Collection[str], result: Result
+        self, rows: Array, cooling: Collection[str], result: Identified
     ) -> Regression | None:
         """Regression of the slope on supply and exchange; None where nothing is left to fit.
 

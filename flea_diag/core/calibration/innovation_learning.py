@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import noise_identification
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.calibration.noise_identification import PIECES, SETTLE_SCANS
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.machine_modes import OUT, MachineModes
 from flea_diag.core.observers.innovation_residual import normalised
@@ -41,6 +42,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
@@ -53,9 +55,7 @@ Followed = Callable[[ObserverNoise, Sequence[tuple[ActuatorParameters, Array]]],
 """Innovation residuals of recordings, each with the parameters for it, as by ``Observing``."""
 
 SEED = 1  # any: the same recordings give the same limits
-PIECES = 4  # assumption: size of a sample
 PIECE_SCANS = 1000  # assumption: size of a sample
-SETTLE_SCANS = 50  # assumption
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,4 @@ def unit_spread(
 
 
 def _smoothed(values: Array, window: int = 100) -> Array:
-    if len(values) < window:
-        return values[:0]
-    sums = np.cumsum(np.concatenate((np.zeros((1, values.shape[1])), values)), axis=0)
-    smoothed: Array = (sums[window:] - sums[:-window]) / window
-    return smoothed
+    return values[:0] if len(values) < window else rolling_means(values, window)

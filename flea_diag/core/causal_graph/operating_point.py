@@ -53,16 +53,14 @@ QUADRANTS = (Quadrant(1, 1), Quadrant(-1, 1), Quadrant(-1, -1), Quadrant(1, -1))
 
 
 def operating_values(
-    actuator: Actuator, quadrant: Quadrant, scale: float = 1.0, speed: float = 1.0
+    actuator: Actuator, quadrant: Quadrant, speed: float = 1.0
 ) -> dict[str, float]:
     """Values of all variables, inputs and parameters in a quadrant, SI units.
 
     Parameters
     ----------
-    scale
-        Factor on the magnitudes given in the description.
     speed
-        Further factor on the speed alone.
+        Factor on the speed given in the description.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def operating_values(
     channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
     model = actuator.state_space("stand", channels)
     point = actuator.operating
-    signs = {True: quadrant.current * scale, False: quadrant.speed * scale * speed}
+    signs = {True: quadrant.current, False: quadrant.speed * speed}
     targets = [value * signs[_is_electrical(actuator, name)] for name, value in point.hold.items()]
     x = np.array([point.fixed.get(name, 0.0) for name in model.states])
     u = np.array([point.fixed.get(name, 0.0) for name in model.inputs])

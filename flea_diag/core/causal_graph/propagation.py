@@ -84,7 +84,6 @@ def propagate_forward(
     graph: TemporalCausalGraph,
     entering: Iterable[InitialDeviation],
     values: Mapping[str, float],
-    max_order: int = MAX_ORDER,
 ) -> dict[str, Effect]:
     """Effect on every vertex: order by order, instantaneous edges within an order.
 
@@ -94,7 +93,7 @@ def propagate_forward(
     entering = tuple(entering)
     signed = {v: [(e, e.sign(values)) for e in graph.into[v]] for v in graph.vertices}
     found: dict[tuple[str, int], tuple[str, str]] = {}
-    for order in range(max_order + 1):
+    for order in range(MAX_ORDER + 1):
         for vertex in graph.vertices:
             parts = [
                 (i.symbol, i.cause) for i in entering if (i.vertex, i.order) == (vertex, order)
@@ -107,13 +106,11 @@ def propagate_forward(
             if symbol != "0":
                 first = next(path for s, path in parts if s != "0")
                 found[vertex, order] = (symbol, f"{first} -> {vertex}{symbol}")
-    return {v: _effect(v, found, max_order) for v in graph.vertices}
+    return {v: _effect(v, found) for v in graph.vertices}
 
 
-def _effect(
-    vertex: str, found: Mapping[tuple[str, int], tuple[str, str]], max_order: int
-) -> Effect:
-    row = [found.get((vertex, order), ("0", "")) for order in range(max_order + 1)]
+def _effect(vertex: str, found: Mapping[tuple[str, int], tuple[str, str]]) -> Effect:
+    row = [found.get((vertex, order), ("0", "")) for order in range(MAX_ORDER + 1)]
     return Effect("".join(symbol for symbol, _ in row), next((p for _, p in row if p), ""))
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,17 +35,6 @@ from flea_diag.formats import migrated, stamped
 Array = npt.NDArray[np.float64]
 FARTHEST = 5.0
 """Inputs are clipped at this many standard deviations, so that outliers cannot dominate."""
-
-
-class Classifier(Protocol):
-    """Maps the values of features to a probability of each fault."""
-
-    @property
-    def features(self) -> tuple[str, ...]:
-        """Ids of all features required."""
-
-    def probabilities(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Probability of each class; a value that is missing or NaN counts as average."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +55,7 @@ class Perceptron:
     source: str = ""
 
     def probabilities(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Probability of each class."""
+        """Probability of each class; a value that is missing or NaN counts as average."""
         signal = standardised(scaled([values], self.features), self.means, self.scales)[0]
         for weights, offsets in self.layers[:-1]:
             signal = np.maximum(signal @ weights + offsets, 0.0)

@@ -55,17 +55,13 @@ def refine(
 
 
 def refine_side(
-    group: Group,
-    table: FaultFeatureTable,
-    feature: str,
-    side: str,
-    drop_below: float = DROP_BELOW,
+    group: Group, table: FaultFeatureTable, feature: str, side: str
 ) -> dict[str, float]:
     """Group after a feature was above its range (``+``) or below (``-``) by any amount."""
     places = {table.place(side), table.place(2 * side)}
     rows = {fault: table.probabilities(fault, feature) for fault in group}
     joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
-    return _after(joint, drop_below)
+    return _after(joint, DROP_BELOW)
 
 
 def _after(joint: Group, drop_below: float) -> dict[str, float]:

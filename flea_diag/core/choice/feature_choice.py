@@ -265,7 +265,6 @@ def next_feature(
     table: FaultFeatureTable,
     computed: Collection[str] = (),
     strategy: str = "optimal",
-    rules: Rules | None = None,
 ) -> str | None:
     """Choose one feature, without a chooser to keep: see `FeatureChooser.next`."""
-    return FeatureChooser(table, strategy, rules).next(group, computed)
+    return FeatureChooser(table, strategy).next(group, computed)

@@ -108,9 +108,9 @@ def _back(came: Mapping[str, str], node: str) -> tuple[str, ...]:
     return tuple(reversed(nodes))
 
 
-def causal_map(actuator: Actuator, model: str = "stand") -> CausalMap:
+def causal_map(actuator: Actuator) -> CausalMap:
     """Condensed TCG of an actuator with all residuals of its description."""
-    graph = temporal_causal_graph(actuator.relations(model), actuator.graph.parameters)
+    graph = temporal_causal_graph(actuator.relations("stand"), actuator.graph.parameters)
     channels = tuple(actuator.sensors)
     same = _same(graph, frozenset(channels))
     tokens = actuator.graph.tokens()

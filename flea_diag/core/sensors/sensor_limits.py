@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import position_steps
 from flea_diag.core.sensors.rest_watch import REST_S, STUCK_S, at_rest, long_runs
@@ -264,19 +265,13 @@ def _noise(columns: Sequence[Array], resolution: float) -> tuple[float, float, f
     levels, scatters = [], []
     for column in columns:
         logs = noise_logs(column[np.isfinite(column)], resolution)
-        levels.append(_means(logs, longest))
+        levels.append(rolling_means(logs, longest))
         blocks = logs[: len(logs) // shortest * shortest].reshape(-1, shortest)
         # Half of the blocks lie within a quartile's range whatever else the motion does.
         low, high = np.quantile(np.diff(blocks.mean(axis=1)), (0.25, 0.75))
         scatters.append((high - low) / 1.349 / math.sqrt(2.0) * math.sqrt(shortest))
     everything = np.concatenate(levels)
     return float(everything.min()), float(everything.max()), max(float(np.mean(scatters)), 1e-6)
-
-
-def _means(values: Array, window: int) -> Array:
-    sums = np.concatenate(([0.0], np.cumsum(values)))
-    means: Array = (sums[window:] - sums[:-window]) / window
-    return means
 
 
 def _repeats(

@@ -154,7 +154,6 @@ def learn_nominal(
     points: Sequence[VibrationOperatingPoint] = (),
     *,
     logarithmic: bool = False,
-    two_sided: bool = True,
 ) -> NominalRange:
     """Range that a new nominal value leaves with at most ``false_alarm_rate``.
 
@@ -190,7 +189,7 @@ def learn_nominal(
     scaled = np.log(found) if logarithmic else found
     known = [point for point, keep in zip(points, kept, strict=True) if keep] if points else []
     coefficients, rest = _fit(scaled, known)
-    side = false_alarm_rate / 2.0 if two_sided else false_alarm_rate
+    side = false_alarm_rate / 2.0
     return NominalRange(
         coefficients,
         -tail_end(-rest, side),

@@ -16,11 +16,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag import __version__
+from flea_diag.configuration.component import DIAGNOSER
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.fleet.fleet_parameters import FleetParameters, values_of
+from flea_diag.nodes.fleet.fleet_stand import FleetStand
+from flea_diag.nodes.fleet.stand_list import stand_entries
+from flea_diag.nodes.stage.compile_progress import CompileProgress
+from flea_diag.nodes.stage.inbox import Turns
+from flea_diag.nodes.stage.ports import JUDGEMENTS, SOURCES
+from flea_diag.wire.bus import Bus, Program
+from flea_diag.wire.records import Health, Level, VibrationLevel
 
 REPORT_S = 1.0
 
@@ -38,18 +47,10 @@ class Fleet:
     @staticmethod
     def check(parameters: Any) -> None:
         """Refuse a list of stands that cannot be read; a stand that cannot be built is left out."""
-        from flea_diag.nodes.fleet.stand_list import stand_entries
-
         stand_entries(parameters.stands)
 
     def prepare(self, bus: Bus[Any], parameters: Any) -> None:
         """Compile and load what the stands share."""
-        from flea_diag import __version__
-        from flea_diag.configuration.component import DIAGNOSER
-        from flea_diag.nodes.fleet.fleet_parameters import values_of
-        from flea_diag.nodes.fleet.stand_list import stand_entries
-        from flea_diag.nodes.stage.compile_progress import CompileProgress
-
         entries = stand_entries(parameters.stands)
         bus.info(f"flea_diag {__version__}, {len(entries)} stands; warming up")
         self._refused.clear()
@@ -63,11 +64,6 @@ class Fleet:
 
     def start(self, bus: Bus[Any], parameters: Any) -> Callable[[], None]:
         """Build every stand that can be built."""
-        from flea_diag.errors import ConfigurationError
-        from flea_diag.nodes.fleet.fleet_stand import FleetStand
-        from flea_diag.nodes.fleet.stand_list import stand_entries
-        from flea_diag.nodes.stage.inbox import Turns
-
         turns = Turns(bus, parameters.batch_ms)
         stands: list[FleetStand] = []
 
@@ -87,15 +83,13 @@ class Fleet:
         return close
 
 
-def _each(stands: Sequence[Any], do: Callable[[Any], None]) -> None:
+def _each(stands: Sequence[FleetStand], do: Callable[[FleetStand], None]) -> None:
     for stand in stands:
         do(stand)
 
 
-def report(bus: Bus[Any], stands: Sequence[Any]) -> Any:
+def report(bus: Bus[Any], stands: Sequence[FleetStand]) -> Health:
     """Health of the fleet: how many stands run, and why the others do not."""
-    from flea_diag.wire.records import Health, Level
-
     missing = [stand for stand in stands if not stand.running]
     words = f"{len(stands) - len(missing)} of {len(stands)} stands running"
     if missing:
@@ -108,11 +102,7 @@ def report(bus: Bus[Any], stands: Sequence[Any]) -> Any:
 
 
 def program() -> Program:
-    """Description of this node; its slow imports come after the signal handlers are installed."""
-    from flea_diag.nodes.fleet.fleet_parameters import FleetParameters
-    from flea_diag.nodes.stage.ports import JUDGEMENTS, SOURCES
-    from flea_diag.wire import records as r
-
+    """Description of this node."""
     fleet = Fleet()
     return Program(
         "fleet",
@@ -121,7 +111,7 @@ def program() -> Program:
         FleetParameters,
         fleet.start,
         SOURCES,
-        (r.VibrationLevel, *JUDGEMENTS, r.Health),
+        (VibrationLevel, *JUDGEMENTS, Health),
         (
             "ros2 run flea_diag fleet --ros-args -p stands:=\"['bay_1', 'bay_2=./mine']\"",
             "ros2 run flea_diag fleet --ros-args --params-file fleet.yaml -p batch_ms:=20",
@@ -130,12 +120,3 @@ def program() -> Program:
         fleet.prepare,
         fleet.check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import FleaError
-from flea_diag.nodes import diagnoser
 from flea_diag.nodes.fleet.fleet_parameters import values_of
 from flea_diag.nodes.fleet.stand_list import StandEntry
 from flea_diag.nodes.stage.inbox import Turns
+from flea_diag.nodes.stage_nodes import diagnoser
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.bus.life_cycle import ACTIVATE, CONFIGURE, DEACTIVATE, INACTIVE
 from flea_diag.wire.bus.node_beside import NodeBeside
@@ -54,7 +54,7 @@ class FleetStand:
         self.trouble = ""
         """Why it was left out or set aside, the last time that it was."""
         self._failing = False
-        prepared = replace(diagnoser.program(turns), prepare=None)
+        prepared = replace(diagnoser(turns), prepare=None)
         self._member = NodeBeside(host, prepared, entry.namespace, values_of(entry, parameters))
         self._member.bus.on_failure = self._failed
 

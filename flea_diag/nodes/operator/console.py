@@ -19,7 +19,7 @@ from __future__ import annotations
 import getpass
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TextIO
@@ -36,7 +36,7 @@ from flea_diag.operator.state import SHOWN
 from flea_diag.operator.verdict_view import change, line
 from flea_diag.operator.view import page, view
 from flea_diag.operator.words import speak
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import AmbiguityGroup, Level, Record
 
@@ -241,12 +241,3 @@ def program() -> Program:
         ),
         check=check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until the operator quits, SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -16,14 +16,12 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from flea_diag.nodes.health import HealthReport
 from flea_diag.operator.fault_report import FaultReport, fault_report
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import AmbiguityGroup, Health
 
@@ -123,12 +121,3 @@ def program() -> Program:
             "ros2 run flea_diag fault_reporter --ros-args -r __ns:=/stand_2",
         ),
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

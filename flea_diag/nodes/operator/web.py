@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import getpass
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -30,7 +30,7 @@ from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.nodes.operator.hall import Hall
 from flea_diag.operator.state import SHOWN
 from flea_diag.operator.words import speak, tr
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.parameters import parameter
 
 PORT = 8630
@@ -167,12 +167,3 @@ def program() -> Program:
             "ros2 run flea_diag web --ros-args -p language:=de",
         ),
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -31,6 +31,7 @@ from typing import NamedTuple
 
 from flea_diag.errors import RecordingError, WireError
 from flea_diag.formats import stamped
+from flea_diag.operator.stream import JUMP_NS
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Outcome, Scan
@@ -39,7 +40,6 @@ from flea_diag.wire.topics import Topic
 MOST_RING_BYTES = 256_000_000
 LONGEST_NS = 120_000_000_000
 """Time after the detection at which a clip without a verdict ends, with a note in the index."""
-JUMP_NS = 1_000_000_000
 LATEST_WORD_NS = 5_000_000_000
 """Largest delay from a detection to the first verdict that names it."""
 INDEX = "index.jsonl"

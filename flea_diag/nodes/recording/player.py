@@ -16,16 +16,15 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.wire.bags.bag import BagReader
-from flea_diag.wire.bus import Bus, Consumers, Program, named, run
+from flea_diag.wire.bus import Bus, Consumers, Program, named
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
     AmbiguityGroup,
@@ -245,12 +244,3 @@ def program() -> Program:
         ),
         check=check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until the bag is over, SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

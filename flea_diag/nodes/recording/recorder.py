@@ -21,7 +21,6 @@ import platform
 import shutil
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import distributions
 from pathlib import Path
@@ -32,14 +31,14 @@ from flea_diag.errors import ConfigurationError, RecordingError, line_of
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.recording.clips import Clips
 from flea_diag.wire.bags.bag import BagSplit, BagWriter
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Program
+from flea_diag.wire.command_budget import MEGABYTE
 from flea_diag.wire.messages.cdr import CdrReader
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Health
 from flea_diag.wire.topics import TOPIC_NAMED, TOPICS, Topic
 
 ALL = "all"
-MEGABYTE = 1_000_000
 WHOLE_EVERY_S = 0.5
 """Period at which the bag is finalised: a crash loses less than 1 s, also on a slow machine."""
 WAITING = 1000
@@ -274,12 +273,3 @@ def program() -> Program:
         ),
         check=check,
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; return the exit status."""
-    return run(program, argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

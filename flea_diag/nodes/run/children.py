@@ -42,9 +42,8 @@ Tell = Callable[[str], None]
 
 @dataclass
 class _Child:
-    """One node: its command, its process, and the times of its restarts (s, monotonic)."""
+    """One node: its parameters, its process, and the times of its restarts (s, monotonic)."""
 
-    module: str
     parameters: dict[str, str]
     show: bool
     keys: bool
@@ -69,22 +68,17 @@ class Children:
         self._running: dict[str, _Child] = {}
 
     def start(
-        self,
-        name: str,
-        module: str,
-        parameters: Parameters,
-        show: bool = False,
-        keys: bool = False,
+        self, name: str, parameters: Parameters, show: bool = False, keys: bool = False
     ) -> None:
         """Start a node; output goes to the log or (``show``) the terminal, with its ``keys``."""
-        process = self._process(module, parameters, show, keys)
-        self._running[name] = _Child(module, dict(parameters), show, keys, process)
+        process = self._process(name, parameters, show, keys)
+        self._running[name] = _Child(dict(parameters), show, keys, process)
 
     def _process(
-        self, module: str, parameters: Parameters, show: bool, keys: bool
+        self, name: str, parameters: Parameters, show: bool, keys: bool
     ) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            command(module, parameters),
+            command(name, parameters),
             stdin=None if keys else subprocess.DEVNULL,
             stdout=None if show else self._log,
             stderr=None if keys else self._log,
@@ -136,7 +130,7 @@ class Children:
             )
         child.restarted.append(now)
         child.parameters.update(anew(name))
-        child.process = self._process(child.module, child.parameters, child.show, child.keys)
+        child.process = self._process(name, child.parameters, child.show, child.keys)
         count = len(child.restarted)
         self._tell(f"{name} was ended by {why}: restart {count} of at most {MOST_RESTARTS}")
 
@@ -157,14 +151,15 @@ class Children:
             child.wait()
 
 
-def command(module: str, parameters: Parameters, *arguments: str) -> list[str]:
+def command(name: str, parameters: Parameters, *arguments: str) -> list[str]:
     """Command line of a node with these parameters."""
     given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
-    return [sys.executable, "-m", module, *arguments, *(["--ros-args", *given] if given else [])]
+    ros = ["--ros-args", *given] if given else []
+    return [sys.executable, "-m", "flea_diag.nodes.main", name, *arguments, *ros]
 
 
 def refuse_unsound(nodes: Mapping[str, Parameters]) -> None:
-    """Have each of these modules check its parameters, before anything is started.
+    """Have each of these nodes check its parameters, before anything is started.
 
     Raises
     ------
@@ -173,12 +168,12 @@ def refuse_unsound(nodes: Mapping[str, Parameters]) -> None:
     """
     checks = [
         subprocess.Popen(
-            command(module, parameters, "--check"),
+            command(name, parameters, "--check"),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for module, parameters in nodes.items()
+        for name, parameters in nodes.items()
     ]
     said = [check.communicate()[1] for check in checks]
     for check, text in zip(checks, said, strict=True):

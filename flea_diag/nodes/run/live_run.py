@@ -35,7 +35,6 @@ from typing import IO, Any
 
 from flea_diag.configuration.files import DEFAULT_STAND, config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError, line_of, visible
-from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT
 from flea_diag.nodes.run.children import Children, refuse_unsound
 from flea_diag.nodes.run.domain import reserved_domain
@@ -79,18 +78,18 @@ class LiveRun:
     def execute(self) -> None:
         """Start the subscribers, then the stand; return when the stand has ended."""
         checked = {"recorder": self._parameters("recorder"), "daq": self._daq_parameters()}
-        refuse_unsound({EXECUTABLES[name]: given for name, given in checked.items()})
+        refuse_unsound(checked)
         say(f"starting {', '.join(self._listeners)} and console")
         for name in self._listeners:
-            self._children.start(name, EXECUTABLES[name], self._parameters(name))
+            self._children.start(name, self._parameters(name))
         keys = not self._plain()
         given = self._parameters("console")
-        self._children.start("console", EXECUTABLES["console"], given, show=True, keys=keys)
+        self._children.start("console", given, show=True, keys=keys)
         if self._options.web:
-            self._children.start("web", EXECUTABLES["web"], self._parameters("web"))
+            self._children.start("web", self._parameters("web"))
         self._until(Consumers(self._bus, self._screens(), READY_S).ready)
         say(f"all nodes are ready; the stand starts, {self._what()}")
-        self._children.start("daq", EXECUTABLES["daq"], self._daq_parameters())
+        self._children.start("daq", self._daq_parameters())
         self._until(lambda: self._children.ended("daq"))
 
     def _screens(self) -> tuple[str, ...]:

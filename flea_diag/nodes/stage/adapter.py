@@ -21,7 +21,7 @@ jump back (a looping replay). It uses a node through the bus and is none itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from flea_diag.nodes.health import HealthReport
@@ -32,7 +32,7 @@ from flea_diag.nodes.stage.stream_stamps import STREAMS, StreamStamps
 from flea_diag.nodes.stage.verdict_memory import VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.blocks import ScanBlock, singly
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, DataQuality, Health, Record
 
@@ -119,7 +119,7 @@ class Adapter:
             return False
         if not self._stamps.goes_on(block.stamps_ns.tolist()):
             return False
-        self._output.publish(tuple(_singly(self._stage.handle_block(block))))
+        self._output.publish(tuple(singly(self._stage.handle_block(block))))
         return True
 
     def _is_of_another(self, table: ChannelTable) -> bool:
@@ -203,12 +203,3 @@ class Adapter:
 def _pipeline(stage: Stage) -> Pipeline:
     """The stage as one that takes any block."""
     return stage if isinstance(stage, Pipeline) else Pipeline((stage,))
-
-
-def _singly(caused: tuple[Record | Block, ...]) -> Iterator[Record]:
-    """Records one by one, as they are published."""
-    for each in caused:
-        if isinstance(each, Block):
-            yield from each.records()
-        else:
-            yield each

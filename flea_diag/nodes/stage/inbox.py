@@ -30,6 +30,7 @@ from flea_diag.errors import WireError
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.bus import Bus
+from flea_diag.wire.command_budget import MEGABYTE
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF
@@ -42,7 +43,6 @@ MOST_WAITING = 100
 """Messages of one topic that may wait, where its own queue is not longer."""
 MOST_BYTES = 16_000_000
 """Of one stand that may wait together: 5 s of six axes at 100 kHz."""
-MEGABYTE = 1e6
 
 
 class Turns:

@@ -20,17 +20,11 @@ from collections.abc import Callable
 from itertools import pairwise
 
 from flea_diag.nodes.health import HealthReport
+from flea_diag.stages.stream.stream_order import BACK_NS, FOLLOWERS
 from flea_diag.wire.records import Record, Residual, Scan, VibrationBlock, VibrationLevel
 
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
 """Records with increasing stamps. Latched records are excluded: they may be of any age."""
-
-JUMP_NS = 1_000_000_000
-"""Step back of the stamps from which on a new run is assumed."""
-
-FOLLOWERS = 10
-"""Consecutive records with such a step that start a new run; a single wrong stamp, or a second
-source, does not."""
 
 
 class StreamStamps:
@@ -61,7 +55,7 @@ class StreamStamps:
             return (record,)
         latest_ns = self._latest_ns.get(kind, stamp_ns)
         self._health.arrived(kind, stamp_ns, stamp_ns < latest_ns)
-        if stamp_ns >= latest_ns - JUMP_NS:
+        if stamp_ns >= latest_ns - BACK_NS:
             self._latest_ns[kind] = stamp_ns if stamp_ns > latest_ns else latest_ns
             self._health.taken()
             if not self._held:

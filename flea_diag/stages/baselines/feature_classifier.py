@@ -24,16 +24,23 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-from flea_diag.core.choice.classifier import Classifier
+from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.core.vibration.features import all_ids, compute_all
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.baselines.plain_verdict import plain_verdict
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import Candidate, Detection, Outcome, Record, Scan, VibrationBlock
+from flea_diag.wire.records import (
+    SECOND_NS,
+    Candidate,
+    Detection,
+    Outcome,
+    Record,
+    Scan,
+    VibrationBlock,
+)
 
 NOMINAL = "nominal"
-SECOND_NS = 1_000_000_000
 WINDOW_NS = SECOND_NS
 IN_A_ROW = 3
 """Windows that must agree on a fault: of one alone, one in a hundred may be wrong."""
@@ -53,7 +60,7 @@ class FeatureClassifierStage:
 
     consumes: tuple[type, ...] = (VibrationBlock, Scan)
 
-    def __init__(self, classifier: Classifier, orders: Mapping[str, float]) -> None:
+    def __init__(self, classifier: Perceptron, orders: Mapping[str, float]) -> None:
         self._classifier = classifier
         self._windows = Windows(4.0, 0.002, 0.05, orders)
         self._calls: deque[dict[str, float]] = deque(maxlen=IN_A_ROW)

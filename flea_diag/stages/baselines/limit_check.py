@@ -38,7 +38,7 @@ IN_A_ROW = 3
 """Scans beyond a limit before it counts: single spikes are no fault."""
 
 
-def learned_limits(scans: Iterable[Scan], margin: float = MARGIN) -> dict[str, tuple[float, float]]:
+def learned_limits(scans: Iterable[Scan]) -> dict[str, tuple[float, float]]:
     """Limits of every channel from nominal scans: their extremes and a margin."""
     extremes: dict[str, tuple[float, float]] = {}
     for scan in scans:
@@ -47,7 +47,7 @@ def learned_limits(scans: Iterable[Scan], margin: float = MARGIN) -> dict[str, t
                 low, high = extremes.get(channel, (value, value))
                 extremes[channel] = min(low, value), max(high, value)
     return {
-        channel: (low - margin * (high - low), high + margin * (high - low))
+        channel: (low - MARGIN * (high - low), high + MARGIN * (high - low))
         for channel, (low, high) in extremes.items()
     }
 

@@ -33,11 +33,11 @@ from flea_diag.core.vibration.nominal_range import RATE_TOLERANCE, VibrationOper
 from flea_diag.core.vibration.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor.condition_indicators import condition_indicators
-from flea_diag.stages.extractor.scan_ring import SECOND_NS
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
+    SECOND_NS,
     ChannelTable,
     FeatureRequest,
     FeatureValue,

@@ -25,10 +25,9 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import Scan
+from flea_diag.wire.records import SECOND_NS, Scan
 
 Doubles = npt.NDArray[np.float64]
-SECOND_NS = 1_000_000_000
 
 
 class ScanRing:

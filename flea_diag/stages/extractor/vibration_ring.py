@@ -27,9 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.vibration.window import NotComputableError
-from flea_diag.wire.records import VibrationBlock
+from flea_diag.wire.records import SECOND_NS, VibrationBlock
 
-SECOND_NS = 1_000_000_000
 MOST_BYTES = 128_000_000
 """Of all blocks together: 30 s of twelve axes at 80 kHz."""
 OFFSET = Struct("<I")

@@ -22,9 +22,9 @@ import numpy as np
 
 from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.core.vibration.window import NotComputableError, Window
-from flea_diag.stages.extractor.scan_ring import SECOND_NS, ScanRing, interpolated
+from flea_diag.stages.extractor.scan_ring import ScanRing, interpolated
 from flea_diag.stages.extractor.vibration_ring import VibrationRing
-from flea_diag.wire.records import Scan, VibrationBlock
+from flea_diag.wire.records import SECOND_NS, Scan, VibrationBlock
 
 
 class Windows:

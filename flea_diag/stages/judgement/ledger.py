@@ -29,14 +29,13 @@ import numpy.typing as npt
 
 from flea_diag.core.residuals.residual_rows import SPEED, ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
-from flea_diag.wire.records import Cause, JudgedTest
+from flea_diag.wire.records import SECOND_NS, Cause, JudgedTest
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-SECOND_NS = 1_000_000_000
 RECENT = 10
 """Seconds that count as recent."""
 LEAST_S = 3.0

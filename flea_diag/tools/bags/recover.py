@@ -21,7 +21,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flea_diag.tools.argument import add_json
-from flea_diag.tools.terminal import IN_PART, say, warn, write_json
+from flea_diag.tools.terminal import IN_PART, tell, warn
 
 NAME = "recover"
 SUMMARY = "copy a truncated bag to a new one with summary, index and metadata.yaml"
@@ -50,8 +50,6 @@ def run(arguments: argparse.Namespace) -> int:
     recovered = recover(source, target)
     for loss in recovered.losses:
         warn(loss)
-    if arguments.json:
-        write_json(arguments.json, {"bag": str(target), **asdict(recovered)})
-    if arguments.json != "-":
-        say(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
+    words = f"{target}: {recovered.messages} messages on {recovered.topics} topics"
+    tell(arguments.json, {"bag": str(target), **asdict(recovered)}, words)
     return IN_PART if any("no footer" not in loss for loss in recovered.losses) else 0

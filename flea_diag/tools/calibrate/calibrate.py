@@ -36,7 +36,7 @@ from flea_diag.tools.calibrate.recording_checks import (
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.extra import require
 from flea_diag.tools.stand_option import absolute, accepted_stand, add_stand
-from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_json, write_text
+from flea_diag.tools.terminal import IN_PART, make_folder, say, tell, warn, write_text
 from flea_diag.tools.workers import KeptPool
 
 if TYPE_CHECKING:
@@ -148,10 +148,8 @@ def run(arguments: argparse.Namespace) -> int:
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
         _draw(found, arguments.plots, arguments.plot_format)
-    if arguments.json:
-        write_json(arguments.json, calibration.to_mapping())
-    if arguments.json != "-":
-        say(calibration_report.words(calibration, found.relations))
+    words = calibration_report.words(calibration, found.relations)
+    tell(arguments.json, calibration.to_mapping(), words)
     if refused:
         warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0

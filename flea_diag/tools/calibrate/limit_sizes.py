@@ -35,6 +35,7 @@ from flea_diag.core.run_law.fault_columns import FaultColumns
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.core.run_law.run_windows import with_neglected
 from flea_diag.core.run_law.visible_sizes import BEFORE, FOLLOWED_S
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
@@ -174,5 +175,4 @@ def _largest_mean(values: Array, counted: Flags, window: int) -> float:
     taken = values[counted & np.isfinite(values)]
     if len(taken) < window:
         return 0.0
-    sums = np.cumsum(np.concatenate(([0.0], taken)))
-    return float(np.abs(sums[window:] - sums[:-window]).max()) / window
+    return float(np.abs(rolling_means(taken, window)).max())

@@ -177,14 +177,11 @@ def _content(
             raise CalibrationError(
                 f"{bag}: truth is {shown(record.fault)}: calibration needs nominal recordings"
             )
-        elif isinstance(record, ScanBlock):
-            rows.append(_rows(record.channels, record.values, known))
-            read.update(_with_values(record.channels, record.values))
-            stamps += record.stamps_ns.tolist()
-        elif isinstance(record, Scan):
-            rows.append(_rows(record.channels, np.array([record.values]), known))
-            read.update(_with_values(record.channels, np.array([record.values])))
-            stamps.append(record.stamp_ns)
+        elif isinstance(record, ScanBlock | Scan):
+            block = record if isinstance(record, ScanBlock) else ScanBlock.of(record)
+            rows.append(_rows(block.channels, block.values, known))
+            read.update(_with_values(block.channels, block.values))
+            stamps += block.stamps_ns.tolist()
     warnings += (f"{bag}: {loss}" for loss in reader.losses)
     if len(serials) > 1:
         said = " to ".join(shown(serial) for serial in serials)

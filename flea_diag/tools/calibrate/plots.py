@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.tools.terminal import make_folder, writing
 
 if TYPE_CHECKING:
@@ -102,15 +103,9 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     at = np.flatnonzero(tested)[count - 1 :]
     if not len(at):
         return mean, low, high
-    statistic = _rolling(values[tested], count)
-    speed = _rolling(np.nan_to_num(trace.speed_m_s[tested]), count)
+    statistic = rolling_means(values[tested], count)
+    speed = rolling_means(np.nan_to_num(trace.speed_m_s[tested]), count)
     region = np.searchsorted(SPEED_REGIONS_M_S, speed)
     centre, reach = np.take(window.centre, region), window.k * np.take(window.sigma, region)
     mean[at], low[at], high[at] = statistic, centre - reach, centre + reach
     return mean, low, high
-
-
-def _rolling(values: Array, window: int) -> Array:
-    sums = np.concatenate(([0.0], np.cumsum(values)))
-    rolled: Array = (sums[window:] - sums[:-window]) / window
-    return rolled

@@ -228,16 +228,9 @@ def _machine(name: str, campaign: Campaign) -> str:
 def _table_row(row: FaultCases, times: int) -> Any:
     from flea_sim_driver.scenario import table4
 
-    return table4.CampaignRow(
-        row.title,
-        row.fault,
-        row.cases * times,
-        row.low,
-        row.high,
-        row.either_sign,
-        row.switched,
-        row.sizes,
-    )
+    values = {**vars(row), "scenarios": row.cases * times}
+    del values["cases"]
+    return table4.CampaignRow(**values)
 
 
 def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:

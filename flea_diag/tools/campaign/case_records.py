@@ -23,6 +23,7 @@ import numpy as np
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.campaign.case import Recipe
+from flea_diag.tools.campaign.run_result import NOMINAL
 from flea_diag.tools.motion import POSITION
 from flea_diag.wire.records import ChannelTable, Record, Scan, Truth, VibrationBlock
 
@@ -84,8 +85,11 @@ def _injected(recipe: Recipe) -> Iterable[Record]:
     row = injection.row_of(*recipe.fault.split())
     possible = injection.onsets(times, position)
     made = injection.draw(row, possible, recipe.seed, recipe.number, recipe.size)
-    info = table.info(made.channel)
-    low, high = (info.minimum, info.maximum) if info else (-np.inf, np.inf)
-    onset_ns = scans[0].stamp_ns + round(made.onset_s * 1e9)
-    truth = Truth(scans[0].stamp_ns, made.fault, onset_ns, (("size", repr(made.size)),))
-    return (table, truth, *injection.inject(scans, made, low, high))
+    return injection.injected(table, scans, made)
+
+
+def first_fault(records: Iterable[Record]) -> Truth | None:
+    """The truth of the fault that begins first; None: there is none."""
+    truths = (record for record in records if isinstance(record, Truth))
+    wrong = [truth for truth in truths if truth.fault not in ("", NOMINAL)]
+    return min(wrong, key=lambda truth: truth.onset_ns, default=None)

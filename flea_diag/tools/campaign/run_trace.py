@@ -101,7 +101,7 @@ class RunTrace:
         return self._traces[names]
 
     def _scan(self, scan: Scan) -> None:
-        self._scans(ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values])))
+        self._scans(ScanBlock.of(scan))
 
     def _scans(self, block: ScanBlock) -> None:
         self._last_s = max(self._last_s, self._draw(block.stamps_ns, block.channels, block.values))

@@ -12,75 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs of a campaign in several processes, local or on a Dask cluster.
+"""Runs of a campaign in several processes, local or on a Dask cluster, as they are done.
 
-Results come in the order of completion. If a worker dies, its runs are repeated; a run whose
-worker dies twice, the second time alone, is a failed line.
+A run whose worker dies twice, the second time alone, is a failed line.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from itertools import islice
 
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.cluster import on_cluster
 from flea_diag.tools.refused import DIED, Refused
-from flea_diag.tools.workers import worker_pool
+from flea_diag.tools.workers import completed
 
 Work = Callable[[Case], RunResult]
 
 
 def run_all(cases: Iterable[Case], work: Work, jobs: int) -> Iterator[RunResult]:
     """Results of all cases from ``jobs`` processes; ``work`` must be picklable."""
-    rest = iter(cases)
-    while True:
-        suspects: list[Case] = []
-        yield from _until_it_breaks(rest, work, jobs, suspects)
-        if not suspects:
-            return
-        for case in suspects:  # one of them broke the pool; each alone shows which
-            yield from _alone(case, work)
-
-
-def _until_it_breaks(
-    cases: Iterator[Case], work: Work, jobs: int, suspects: list[Case]
-) -> Iterator[RunResult]:
-    """Results until all are done or a worker dies; runs in progress are then suspects."""
-    with worker_pool(jobs) as pool:
-        running: dict[Future[RunResult], Case] = {}
-        try:
-            while True:
-                for case in islice(cases, 2 * jobs - len(running)):
-                    suspects.append(case)
-                    future = pool.submit(work, case)  # a broken pool refuses it
-                    running[future] = suspects.pop()
-                if not running:
-                    return
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    result = future.result()
-                    del running[future]
-                    yield result
-        except BrokenProcessPool:
-            suspects += running.values()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
-
-
-def _alone(case: Case, work: Work) -> Iterator[RunResult]:
-    with worker_pool(1) as pool:
-        try:
-            yield pool.submit(work, case).result()
-        except BrokenProcessPool:
-            yield failed(case, DIED)
+    for _, case, result in completed(work, cases, jobs):
+        yield failed(case, DIED) if isinstance(result, Refused) else result
 
 
 def failed(case: Case, reason: str) -> RunResult:

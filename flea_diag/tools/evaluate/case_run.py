@@ -24,8 +24,6 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from flea_diag.errors import RecordingError
 from flea_diag.formats import stamped
 from flea_diag.tools.arena.entrant import Arena
@@ -33,6 +31,7 @@ from flea_diag.tools.campaign.campaign import expected_of
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
 from flea_diag.tools.campaign.run_trace import RunTrace, write_trace
+from flea_diag.tools.evaluate.case_pool import failed
 from flea_diag.tools.motion import moving_s
 from flea_diag.tools.origin import commit, today
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
@@ -96,16 +95,7 @@ def run_case(case: Case, expect: Expect, folder: Path, arena: Arena = ALONE) -> 
         write_trace(folder / result.detail, done.trace)
         return result
     except Exception as error:  # a defect: the campaign continues, the line names the place
-        reason = why_failed(error)
-    return RunResult(
-        case.id,
-        case.kind,
-        case.row,
-        case.configuration,
-        case.fold,
-        expected=(),
-        failure=reason,
-    )
+        return failed(case, why_failed(error))
 
 
 def records(case: Case) -> Iterable[Record]:
@@ -169,8 +159,7 @@ def in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
             yield from part
             continue
         while rows := list(islice(part, MOST_SCANS)):
-            stamps, values = [r.stamp_ns for r in rows], [r.values for r in rows]
-            yield ScanBlock(np.array(stamps), kind, np.array(values))
+            yield ScanBlock.of(*rows)
 
 
 def _layout(record: Record) -> tuple[str, ...] | None:
@@ -179,6 +168,7 @@ def _layout(record: Record) -> tuple[str, ...] | None:
 
 def scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, dict[str, Any]]:
     """Result of a run, and the summary that it is made of."""
+    from flea_diag.tools.campaign.case_records import first_fault
     from flea_diag.tools.numeric_backend import numeric_backend
     from flea_diag.wire.records import AmbiguityGroup
 
@@ -190,7 +180,7 @@ def scored(case: Case, expect: Expect, done: CaseDiagnosis) -> tuple[RunResult, 
         raise RecordingError("no truth, so it cannot be scored: diagnose it with flea replay")
     start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
-    truth = _first_fault(done.truths)
+    truth = first_fault(done.truths)
     told = _told(truth, expect, start_ns)
     computed = tuple(summary["features_computed"])
     verdict = _verdict(summary, told["onset_s"], start_ns)
@@ -235,11 +225,6 @@ def _told(truth: Truth | None, expect: Expect, start_ns: int) -> dict[str, Any]:
         "size_unit": details.get("size_unit", ""),
         "expected": expected_of(truth.fault, expect),
     }
-
-
-def _first_fault(truths: Iterable[Truth]) -> Truth | None:
-    wrong = [truth for truth in truths if truth.fault not in ("", NOMINAL)]
-    return min(wrong, key=lambda truth: truth.onset_ns, default=None)
 
 
 def _number(text: str | None) -> float | None:

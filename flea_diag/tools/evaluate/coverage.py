@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand
-from flea_diag.tools.terminal import make_folder, progress, say, write_json, write_text
+from flea_diag.tools.terminal import make_folder, progress, tell, write_text
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -95,10 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     completed = replace(calibration, coverage=coverage).to_mapping()
     make_folder(arguments.output.parent)
     write_text(arguments.output, yaml.safe_dump(completed, sort_keys=False, width=100))
-    if arguments.json:
-        write_json(arguments.json, _told(coverage, found))
-    if arguments.json != "-":
-        say("\n".join(words(coverage, found)))
+    tell(arguments.json, _told(coverage, found), "\n".join(words(coverage, found)))
     return 0
 
 
@@ -128,13 +125,10 @@ class CoverageScore:
 
 def scored(case: Case, stand: Stand) -> CoverageScore | None:
     """Score of one run; None where it has no fault."""
-    from flea_diag.tools.campaign.case_records import records_of
-    from flea_diag.tools.campaign.run_result import NOMINAL
-    from flea_diag.wire.records import Truth
+    from flea_diag.tools.campaign.case_records import first_fault, records_of
 
     records = list(records_of(case.recipe))
-    wrong = [r for r in records if isinstance(r, Truth) and r.fault not in ("", NOMINAL)]
-    truth = min(wrong, key=lambda r: r.onset_ns, default=None)
+    truth = first_fault(records)
     if truth is None:
         return None
     held = partial(_held, records, stand, truth)

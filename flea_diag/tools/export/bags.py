@@ -24,7 +24,7 @@ from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand
 from flea_diag.tools.replay.replay import diagnosed
 from flea_diag.wire.bags.bag_writer import new_bag
-from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+from flea_diag.wire.blocks import Block
 from flea_diag.wire.records import AmbiguityGroup, Record, VibrationBlock
 
 
@@ -41,22 +41,12 @@ def save_diagnosis(recording: Recording, stand: Any, target: Path) -> int:
         The stand or its calibration is refused.
     """
     assert isinstance(stand, Stand)
-    count, log_ns = 0, 0
     with new_bag(target, stand.name) as bag:
-        for record in diagnosed(recording.records(SENT), make_pipeline(stand)):
-            for each in _single(record):
-                log_ns = max(log_ns, each.stamp_ns)
-                bag.write(each, log_ns)
-                count += 1
-    return count
+        said = diagnosed(recording.records(SENT), make_pipeline(stand))
+        return bag.write_all(each for record in said for each in _published(record))
 
 
-def _single(record: Any) -> tuple[Record, ...]:
-    """Records as the topics have them, one by one."""
-    if isinstance(record, ScanBlock | ResidualBlock):
-        return tuple(record.records())
+def _published(record: Record | Block) -> tuple[Record | Block, ...]:
     if isinstance(record, VibrationBlock):
         return ()
-    if isinstance(record, AmbiguityGroup):
-        return record, record.hypotheses()
-    return (record,)
+    return (record, record.hypotheses()) if isinstance(record, AmbiguityGroup) else (record,)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand
-from flea_diag.tools.terminal import say, write_json
+from flea_diag.tools.terminal import tell
 
 if TYPE_CHECKING:
     from flea_diag.api.diagnosis import Diagnosis
@@ -92,10 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     recording = open_recording(arguments.recording, arguments.stand or None)
     rows = _export(recording, arguments)
     told = {"recording": arguments.recording, "output": str(target), "what": arguments.what}
-    if arguments.json:
-        write_json(arguments.json, {**told, "rows": rows})
-    if arguments.json != "-":
-        say(f"{target}: {arguments.what} of {recording.name}, {rows} rows")
+    words = f"{target}: {arguments.what} of {recording.name}, {rows} rows"
+    tell(arguments.json, {**told, "rows": rows}, words)
     return 0
 
 

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flea_diag.core.choice.classifier import Classifier, Perceptron, scaled, standardised
+from flea_diag.core.choice.classifier import Perceptron, scaled, standardised
 from flea_diag.core.choice.feature_learning import Sample
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.extra import require
@@ -129,7 +129,7 @@ class Called:
 
 
 def call(
-    runs: Sequence[FeatureRun], classifier: Classifier, group: Sequence[str], windows: int
+    runs: Sequence[FeatureRun], classifier: Perceptron, group: Sequence[str], windows: int
 ) -> list[Called]:
     """One answer per run with a fault of the group, from as many windows as a walk may use.
 
@@ -144,7 +144,7 @@ def call(
     return called
 
 
-def _call(samples: Sequence[Sample], classifier: Classifier, group: Sequence[str]) -> Called:
+def _call(samples: Sequence[Sample], classifier: Perceptron, group: Sequence[str]) -> Called:
     begin = time.process_time_ns()
     evidence = dict.fromkeys(group, 0.0)
     for sample in samples:

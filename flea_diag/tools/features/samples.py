@@ -33,9 +33,8 @@ from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.condition_indicators import condition_indicators
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth, VibrationBlock
+from flea_diag.wire.records import NEVER_NS, SECOND_NS, Record, Scan, Truth, VibrationBlock
 
-SECOND_NS = 1_000_000_000
 SETTLING_S = 0.3
 """Time skipped after the start and after an onset, for transients."""
 

@@ -30,13 +30,12 @@ from pathlib import Path
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import load_features
 from flea_diag.configuration.stand import Stand
-from flea_diag.core.choice.classifier import Classifier
+from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import compute_all
 from flea_diag.core.vibration.nominal_range import MOVING_RAD_S
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.extractor import ExtractorStage
-from flea_diag.stages.extractor.scan_ring import SECOND_NS
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.tools.features.classifier import call, read_classifier
 from flea_diag.tools.features.judge import judge
@@ -44,6 +43,7 @@ from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
 from flea_diag.tools.features.stand import drawn_scenario
 from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import (
+    SECOND_NS,
     AmbiguityGroup,
     ChannelTable,
     FeatureRequest,
@@ -160,7 +160,7 @@ def after_onset(records: Sequence[Record], orders: Mapping[str, float]) -> Featu
     return run_of("", late, truths, Grid(orders=orders))
 
 
-def called(run: FeatureRun, classifier: Classifier) -> str:
+def called(run: FeatureRun, classifier: Perceptron) -> str:
     """Most probable class by the classifier; empty without motion."""
     found = call([run], classifier, classifier.faults, WINDOWS)
     return found[0].called if found else ""

@@ -25,8 +25,8 @@ import yaml
 
 from flea_diag.core.choice.feature_learning import NOMINAL, SYMBOLS, Ends, FeatureStatistics
 from flea_diag.core.vibration.nominal_range import NominalRange
-from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
+from flea_diag.tools.terminal import write_text
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,7 @@ def write_table(path: Path, mapping: Mapping[str, Any], header: Sequence[str]) -
     """
     lines = [f"# {line}".rstrip() for line in header]
     body = yaml.dump(stamped("feature table", mapping), Dumper=_Dumper, sort_keys=False, width=100)
-    try:
-        path.write_text("\n".join([*lines, body]), encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error}") from error
+    write_text(path, "\n".join([*lines, body]))
 
 
 class _Inline(dict[str, Any]):

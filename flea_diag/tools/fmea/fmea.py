@@ -32,9 +32,8 @@ from flea_diag.tools.terminal import (
     IN_PART,
     make_folder,
     progress,
-    say,
+    tell,
     warn,
-    write_json,
     write_text,
 )
 
@@ -62,7 +61,6 @@ the detection follows from what became of the run.
 Exit status: 0 done, 1 a line could not be run, 2 refused, 130 interrupted.
 """
 PAGE, TABLE = "fmea.html", "fmea.csv"
-ONSET_S = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -135,6 +133,7 @@ def _planned(
     from flea_diag.tools.fmea import catalogue_rows as rows
     from flea_diag.tools.fmea.failure_run import effect_of
     from flea_diag.tools.fmea.healthy_bag import HealthyBag, injected
+    from flea_sim_driver.failure_modes import ONSET_S
 
     known = rows.known_faults(stand)
     machine = _machine(arguments, stand)
@@ -225,14 +224,11 @@ def _written(
     made = f"{today()}, {of}"
     write_text(folder / TABLE, as_csv(lines))
     write_text(folder / PAGE, as_html(f"FMEA of {stand.name}", made, lines, nominal, unit))
-    if arguments.json:
-        content = {
-            "stand": stand.name,
-            "nominal": nominal and asdict(nominal),
-            "lines": [cells(line) for line in lines],
-        }
-        write_json(arguments.json, content)
-    if arguments.json != "-":
-        say(", ".join(f"{count} {what}" for what, count in counts(lines)))
-        say(f"{len(lines)} lines in {folder / PAGE}")
+    content = {
+        "stand": stand.name,
+        "nominal": nominal and asdict(nominal),
+        "lines": [cells(line) for line in lines],
+    }
+    counted = ", ".join(f"{count} {what}" for what, count in counts(lines))
+    tell(arguments.json, content, f"{counted}\n{len(lines)} lines in {folder / PAGE}")
     return IN_PART if any(line.broken for line in lines) else 0

@@ -28,9 +28,10 @@ from flea_diag.errors import RecordingError
 from flea_diag.tools.fmea.catalogue_rows import sizes
 from flea_diag.tools.fmea.failure import Failure
 from flea_diag.tools.motion import POSITION
-from flea_diag.tools.recordings.injection import ChannelFault, inject, onsets
+from flea_diag.tools.recordings import injection
+from flea_diag.tools.recordings.injection import ChannelFault, onsets
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import ChannelTable, Record, Scan, Truth
+from flea_diag.wire.records import ChannelTable, Record, Scan
 from flea_sim_driver.faults import MODE_UNIT, FaultRow, catalogue
 from flea_sim_driver.machine.machine import Machine
 
@@ -93,12 +94,7 @@ class HealthyBag:
 
     def with_fault(self, made: ChannelFault) -> tuple[Record, ...]:
         """Its records with the fault, and the truth of it."""
-        info = self.table.info(made.channel)
-        low, high = (info.minimum, info.maximum) if info else (-np.inf, np.inf)
-        start_ns = self.scans[0].stamp_ns
-        details = (("size", repr(made.size)), ("where", "daq"))
-        truth = Truth(start_ns, made.fault, start_ns + round(made.onset_s * 1e9), details)
-        return (self.table, truth, *inject(self.scans, made, low, high))
+        return injection.injected(self.table, self.scans, made, ("where", "daq"))
 
 
 def injected(

@@ -24,7 +24,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.tools.argument import add_json
 from flea_diag.tools.model import views as model_views
 from flea_diag.tools.stand_option import accepted_stand, add_stand
-from flea_diag.tools.terminal import say, write_json
+from flea_diag.tools.terminal import say, tell
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
@@ -100,10 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
         _picture(model, arguments)
     if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):
         content, lines = model_views.VIEWS[arguments.view](model, arguments)
-        if arguments.json:
-            write_json(arguments.json, content)
-        if arguments.json != "-":
-            say("\n".join(lines))
+        tell(arguments.json, content, "\n".join(lines))
     # Shown for inspection, but without causality there is nothing to compute.
     require_sound(model.graph, model.causality)
     return 0

@@ -34,6 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, shown
+from flea_diag.wire.records import SECOND_NS
 from flea_diag.wire.regular_file import opened
 
 COLUMNS = (
@@ -75,7 +76,6 @@ LINE_LIMIT_BYTES = 1024
 BAD_LINES_LIMIT = 0.05
 
 _STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d:\d\d):(\d\d)\.(\d{1,9})_([+-]\d{4})")
-_NS = 1_000_000_000
 _YEARS = tuple(str(year) for year in range(1980, 2100))
 
 
@@ -199,7 +199,7 @@ def _stamp_ns(text: str) -> int:
             f"column 1 (Time) = {shown(text)} is outside its limits of the years {_YEARS[0]} to "
             f"{_YEARS[-1]} and 60 seconds"
         )
-    return _minute_ns(minute, offset) + int(seconds) * _NS + int(fraction.ljust(9, "0"))
+    return _minute_ns(minute, offset) + int(seconds) * SECOND_NS + int(fraction.ljust(9, "0"))
 
 
 @lru_cache(maxsize=16)
@@ -208,4 +208,4 @@ def _minute_ns(minute: str, offset: str) -> int:
         moment = datetime.strptime(f"{minute}{offset}", "%Y-%m-%d_%H:%M%z")
     except ValueError:
         raise _LineError(f"column 1 (Time) = {shown(minute)} is not a date and time") from None
-    return int(moment.timestamp()) * _NS
+    return int(moment.timestamp()) * SECOND_NS

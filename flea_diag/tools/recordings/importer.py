@@ -36,6 +36,7 @@ from flea_diag.wire.whole_file import replacing_folder
 if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
     from flea_diag.tools.recordings.mapped_recording import MappedRecording
+    from flea_diag.wire.records import Record
     from flea_diag.wire.sources.mapping import SourceMapping
 
 NAME = "import"
@@ -224,15 +225,17 @@ def _write(recording: FleaRun | MappedRecording, fresh: Path, directory: Path, s
     from flea_diag.wire.bags.bag import BagWriter
 
     with BagWriter(fresh, stand=stand, whole_every_s=None, called=directory) as bag:
-        bag.write(recording.channel_table())
-        truth = recording.truth()
-        if truth is not None:
-            bag.write(truth)
-        log_ns = 0
-        streams = recording.scans(), recording.vibration
-        for record in heapq.merge(*streams, key=lambda each: each.stamp_ns):
-            log_ns = max(log_ns, record.stamp_ns)
-            bag.write(record, log_ns)
+        bag.write_all(records_of(recording))
+
+
+def records_of(recording: FleaRun | MappedRecording) -> Iterator[Record]:
+    """Channel table, truth, then scans and vibration by their stamps."""
+    yield recording.channel_table()
+    truth = recording.truth()
+    if truth is not None:
+        yield truth
+    streams = recording.scans(), recording.vibration
+    yield from heapq.merge(*streams, key=lambda each: each.stamp_ns)
 
 
 def _mapped(file: Path, recording: MappedRecording, directory: Path) -> Imported:

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.motion import MOVING_M_S, speed
-from flea_diag.wire.records import Scan
+from flea_diag.wire.records import ChannelTable, Record, Scan, Truth
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -156,6 +156,18 @@ def inject(
         row = scans[k].values
         out[k] = replace(scans[k], values=(*row[:column], value, *row[column + 1 :]))
     return tuple(out)
+
+
+def injected(
+    table: ChannelTable, scans: Sequence[Scan], fault: ChannelFault, *details: tuple[str, str]
+) -> tuple[Record, ...]:
+    """A recording with a fault in one channel, clipped to its range, and the truth of it."""
+    info = table.info(fault.channel)
+    low, high = (info.minimum, info.maximum) if info else (-math.inf, math.inf)
+    start_ns = scans[0].stamp_ns
+    told = (("size", repr(fault.size)), *details)
+    truth = Truth(start_ns, fault.fault, start_ns + round(fault.onset_s * 1e9), told)
+    return (table, truth, *inject(scans, fault, low, high))
 
 
 @dataclass(frozen=True)

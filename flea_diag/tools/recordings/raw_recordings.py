@@ -32,7 +32,6 @@ from flea_diag.wire.topics import TOPIC_OF
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
-    from flea_diag.wire.sources.mapping import SourceMapping
 
 FLEA_SUFFIX = ".data"
 
@@ -103,22 +102,17 @@ def _is_raw(place: Path, stand: Stand) -> bool:
 
 
 def _imported(place: Path, stand: Stand, folder: Path) -> list[Path]:
+    from flea_diag.configuration.channels import channel_sources
     from flea_diag.tools.recordings.importer import import_run, write_recording
     from flea_diag.tools.recordings.mapped_source import mapped_recordings
 
     if place.name.endswith(FLEA_SUFFIX):
         return [Path(import_run(place, folder).bag)]
     found = []
-    for recording in list(mapped_recordings(place, _mapping(stand))):
+    for recording in list(mapped_recordings(place, channel_sources(stand))):
         for words in recording.warnings:
             warn(words)
         directory = folder / recording.name
         write_recording(recording, directory, stand.name)
         found.append(directory)
     return found
-
-
-def _mapping(stand: Stand) -> SourceMapping:
-    from flea_diag.configuration.channels import channel_sources
-
-    return channel_sources(stand)

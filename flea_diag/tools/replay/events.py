@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from flea_diag.errors import RecordingError
 from flea_diag.tools.argument import add_json
 from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
-from flea_diag.tools.terminal import say, write_json
+from flea_diag.tools.terminal import tell
 
 if TYPE_CHECKING:
     from flea_diag.wire.blocks import Block
@@ -76,10 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     kinds = Detection, AmbiguityGroup, Remark
     found = list(events(diagnosis(source, given_stand(arguments), kinds)))
     write(target, found)
-    if arguments.json:
-        write_json(arguments.json, [event._asdict() for event in found])
-    if arguments.json != "-":
-        say(f"{target}: {len(found)} events")
+    rows = [event._asdict() for event in found]
+    tell(arguments.json, rows, f"{target}: {len(found)} events")
     return 0
 
 

@@ -28,6 +28,7 @@ from flea_diag.fields.values import FINITE
 from flea_diag.formats import migrated
 from flea_diag.tools.campaign.result_log import RESULTS, read_results
 from flea_diag.tools.campaign.run_result import RunResult
+from flea_diag.tools.campaign.run_trace import MOST_VALUES
 from flea_diag.wire.bags.bag_layout import refuse_closed
 from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.regular_file import read_text
@@ -35,9 +36,6 @@ from flea_diag.wire.regular_file import read_text
 R = TypeVar("R")
 
 LARGEST_JSON_BYTES = 64 << 20
-
-MOST_VALUES = 1_000_000
-"""Keys and values of such a file; a replay of an hour has some thousand."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.physical_values import ONE_SIGN
 from flea_diag.core.calibration.power_balance import rate_of, smoothed
 from flea_diag.tools.series.series_sum import SeriesSum
 from flea_diag.tools.series.series_words import COMMANDED, POSITION, SPEED, VOLTAGE
@@ -30,8 +31,8 @@ Array = npt.NDArray[np.float64]
 NO_MOTOR_VOLTAGE = "it keeps its sign when the motion is reversed: no voltage of the motor"
 FASTER = 0.1
 """Share of the largest speed from which on a part moves."""
-EITHER_WAY, ONE_SIGN = 0.05, 0.01
-"""Shares of the readings in which a motion goes either way, and a voltage has the other sign."""
+EITHER_WAY = 0.05
+"""Share of the readings in which a motion goes either way."""
 
 
 def one_way_voltages(sources: Sequence[SeriesSum], period_s: float) -> tuple[SeriesSum, ...]:

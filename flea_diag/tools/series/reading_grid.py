@@ -24,10 +24,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.configuration.channels import FASTEST_HZ, SLOWEST_HZ
 from flea_diag.errors import RecordingError
 from flea_diag.tools.recordings.wrapped_angle import turn_of, unwrapped
 from flea_diag.tools.series.no_readings import no_reading, quaternions
 from flea_diag.tools.series.one_way_voltage import NO_MOTOR_VOLTAGE, one_way_voltages
+from flea_diag.tools.series.recorded_bag import FEWEST_READINGS
 from flea_diag.tools.series.recorded_joints import RecordedJoints
 from flea_diag.tools.series.recorded_series import RecordedSeries, Series
 from flea_diag.tools.series.row_times import RowTimes, row_times
@@ -50,9 +52,6 @@ from flea_diag.tools.series.time_base import TimeBase, of_bag, of_table, on_grid
 Array = npt.NDArray[np.float64]
 
 MOST_ROWS = 60_000
-FASTEST_HZ, SLOWEST_HZ = 1000.0, 1.0
-"""Rates that scans may have."""
-FEWEST_READINGS = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,6 @@ SPECTRA = (("current", "A"), ("force", "N"), ("voltage", "V"), ("position", "m")
            ("motor_temperature", "K"))  # fmt: skip
 LABELS = {"Nominal": "tab:blue", "Jam": "tab:red", "Spall": "tab:green"}
 OFFSET_A = 0.32
-FORCE_CONSTANT_N_PER_A = 176.7
 Pairs = list[tuple["RunSignals", "RunSignals"]]
 
 
@@ -153,6 +152,8 @@ def _current_load_speed(pairs: Pairs) -> Any:
 
 def _friction(pairs: Pairs) -> Any:
     """Drive force less load against speed, medians in bins of 5 mm/s."""
+    from flea_sim_driver.realism.run_statistics import FORCE_CONSTANT_N_PER_A
+
     edges = np.arange(-110.0, 111.0, 5.0)
     figure, axes = _figure(1, 2, sharey=True)
     for column, axis in enumerate(axes[0]):

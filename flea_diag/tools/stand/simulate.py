@@ -123,13 +123,13 @@ def configured(arguments: argparse.Namespace) -> Scenario:
     scenario = find_scenario(arguments.scenario, arguments.machine)
     if arguments.no_vibration:
         scenario = replace(scenario, sensors=replace(scenario.sensors, vibration=False))
-    run = _given(seed=arguments.seed, unit_seed=arguments.unit_seed, duration_s=arguments.duration)
+    run = given(seed=arguments.seed, unit_seed=arguments.unit_seed, duration_s=arguments.duration)
     return overridden(scenario, "simulate", run, _fault(arguments))
 
 
 def _fault(arguments: argparse.Namespace) -> dict[str, Any] | None:
     """The fault to add, with onset and size; None without --fault."""
-    told = _given(onset_s=arguments.at, size=arguments.size)
+    told = given(onset_s=arguments.at, size=arguments.size)
     if arguments.fault:
         return {"fault": arguments.fault, "onset_s": ONSET_S, **told}
     if told:
@@ -137,7 +137,8 @@ def _fault(arguments: argparse.Namespace) -> dict[str, Any] | None:
     return None
 
 
-def _given(**options: Any) -> dict[str, Any]:
+def given(**options: Any) -> dict[str, Any]:
+    """The options that are not None."""
     return {name: value for name, value in options.items() if value is not None}
 
 

@@ -124,8 +124,6 @@ def _simulated(_: Stand) -> None:
 
 def _replay(diagnosed: Stand) -> None:
     """Scans of the simulated stand in a block, as a replay reads them from a bag."""
-    import numpy as np
-
     from flea_diag.configuration.component import make_pipeline
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import Scan
@@ -136,9 +134,7 @@ def _replay(diagnosed: Stand) -> None:
     scans: list[Scan] = []
     while len(scans) < BLOCK_SCANS:
         scans += [record for record in stand.advance() if isinstance(record, Scan)]
-    stamps_ns = np.array([scan.stamp_ns for scan in scans])
-    values = np.array([scan.values for scan in scans])
-    make_pipeline(diagnosed).handle_block(ScanBlock(stamps_ns, scans[0].channels, values))
+    make_pipeline(diagnosed).handle_block(ScanBlock.of(*scans))
 
 
 PARTS: dict[str, Callable[[Stand], None]] = {

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.argument import add_json
-from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json
+from flea_diag.tools.terminal import IN_PART, progress, tell, warn
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -59,10 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     require_accepted(stand)
     motions, refused = _read(arguments.recordings, stand)
     page = stand_page(stand, motions)
-    if arguments.json:
-        write_json(arguments.json, as_mapping(page))
-    if arguments.json != "-":
-        say(as_text(page))
+    tell(arguments.json, as_mapping(page), as_text(page))
     for words in (*page.problems, *page.modes):
         warn(words)
     return IN_PART if refused or page.problems else 0

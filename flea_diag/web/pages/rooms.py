@@ -39,16 +39,6 @@ MOST_MARKS = 8
 Sheet = TypeVar("Sheet", DiagnosisPage, HallPage)
 
 
-class Room(Protocol):
-    """What pages show; a page is drawn once for all browsers that have it open."""
-
-    def leave(self, client_id: str) -> None:
-        """Forget the page of a browser that has gone."""
-
-    def update(self) -> None:
-        """Draw, and send the changes to every browser."""
-
-
 class StandRoom:
     """One stand.
 

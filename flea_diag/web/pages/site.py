@@ -33,7 +33,7 @@ from flea_diag.web.guard import STAND_PATH
 from flea_diag.web.markup import joined
 from flea_diag.web.pages.diagnosis_page import OperatorNode
 from flea_diag.web.pages.report import serve_report
-from flea_diag.web.pages.rooms import HallRoom, Room, StandRoom, Stands
+from flea_diag.web.pages.rooms import HallRoom, StandRoom, Stands
 from flea_diag.web.view import Tools
 
 PERIOD_S = 0.1
@@ -53,7 +53,7 @@ class Site:
     """
 
     def __init__(self, say: Callable[[str], None] = lambda _: None) -> None:
-        self._room: Room | None = None
+        self._room: StandRoom | HallRoom | None = None
         self._say = say
         self._reported: set[str] = set()
         self._woken = asyncio.Event()

@@ -23,7 +23,7 @@ last second.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +34,7 @@ import yaml
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_segment import BagSegment
+from flea_diag.wire.blocks import Block, singly
 from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
@@ -139,6 +140,15 @@ class BagWriter:
         topic = TOPIC_OF[type(record)]
         name = layout.absolute(topic, self._namespace)
         self._add(name, topic, encode(record, self.stand), record.stamp_ns, log_ns)
+
+    def write_all(self, records: Iterable[Record | Block]) -> int:
+        """Write records in this order, which the file keeps: log times never decrease; a count."""
+        count = log_ns = 0
+        for record in singly(records):
+            log_ns = max(log_ns, record.stamp_ns)
+            self.write(record, log_ns)
+            count += 1
+        return count
 
     def write_raw(self, topic: str, data: bytes, stamp_ns: int, log_ns: int | None = None) -> None:
         """Write the CDR bytes of a message on a flea_diag topic, by its full name.

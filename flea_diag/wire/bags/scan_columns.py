@@ -23,11 +23,11 @@ import numpy as np
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.messages import gate
 from flea_diag.wire.messages.cdr import ENCAPSULATION, TRAILING, CdrReader
+from flea_diag.wire.records import SECOND_NS
 
 STAMP = slice(len(ENCAPSULATION), len(ENCAPSULATION) + 8)
 EMPTY = 8
 """Bytes of the counts of velocity and effort, both empty."""
-SECOND_NS = 1_000_000_000
 
 
 def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:

@@ -77,12 +77,13 @@ class LifeCycle:
         return str(self._machine.current_state[1])
 
     def begin(self, transition: str) -> None:
-        """Enter the transition state, for example ``configuring``."""
-        self._trigger(transition)
+        """Enter a transition state, for example ``configuring``, or leave it."""
+        self._machine.trigger_transition_by_label(transition, True)
+        self._announce()
 
     def end(self, *, success: bool) -> None:
         """Leave the transition state: for the next primary state, or back to the previous one."""
-        self._trigger("transition_success" if success else "transition_failure")
+        self.begin("transition_success" if success else "transition_failure")
 
     def change(self, transition: str) -> None:
         """Make a whole transition.
@@ -99,10 +100,6 @@ class LifeCycle:
             self.end(success=False)
             raise
         self.end(success=True)
-
-    def _trigger(self, label: str) -> None:
-        self._machine.trigger_transition_by_label(label, True)
-        self._announce()
 
     def _announce(self) -> None:
         from lifecycle_msgs.msg import State

@@ -47,7 +47,7 @@ class Publishers(dict[type, Any]):
         self[record_type] = self._ros_node.create_publisher(
             codec.message_class(record_type),
             self._topic_name(topic),
-            qos.of_topic(topic, topic.depth),
+            qos.reliable(topic.depth, topic.latched),
             qos_overriding_options=qos.overriding(),
         )
 

@@ -18,13 +18,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from flea_diag.wire.topics import Topic
-
-
-def of_topic(topic: Topic, depth: int) -> Any:
-    """Reliable, and of a latched topic the last one for late joiners."""
-    return reliable(depth, topic.latched)
-
 
 def reliable(depth: int, latched: bool) -> Any:
     """Reliable, and where it is latched so many for late joiners."""

@@ -28,13 +28,13 @@ from collections import deque
 from typing import NoReturn
 
 from flea_diag.errors import WireError, shown
+from flea_diag.wire.vocabulary import SECOND_NS
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
 _U32 = struct.Struct("<I")
 STAMP = struct.Struct("<iI")
-SECOND_NS = 1_000_000_000
 _SECONDS = range(-(2**31), 2**31)
 TRAILING = 16
 """Largest number of bytes after a message: rclpy 7.1 appends 8 unset bytes to a JointState, since

@@ -27,12 +27,12 @@ from flea_diag.wire import records as r
 from flea_diag.wire.messages.cdr import (
     ENCAPSULATION,
     KEPT_BYTES,
-    SECOND_NS,
     STAMP,
     CdrReader,
     CdrWriter,
     stamp_bytes,
 )
+from flea_diag.wire.vocabulary import SECOND_NS
 
 Z, THRESHOLD, REGRESSOR = "/z", "/threshold", "regressor/"
 ESTIMATE, ESTIMATE_SIGMA = "/estimate", "/estimate_sigma"

@@ -18,9 +18,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flea_diag.wire.records import SECOND_NS
 from flea_diag.wire.sources.mapping import SourceMapping, SourceTerm
-
-_NS = 1_000_000_000
 
 
 class MessageTerms:
@@ -61,4 +60,4 @@ def stamp_of(message: Any, received_ns: int) -> int:
     seconds, rest = getattr(stamp, "sec", None), getattr(stamp, "nanosec", None)
     if seconds is None or rest is None:
         return received_ns
-    return int(seconds) * _NS + int(rest) or received_ns
+    return int(seconds) * SECOND_NS + int(rest) or received_ns

@@ -217,7 +217,7 @@ def test_a_list_that_cannot_be_read_is_refused(texts: tuple[str, ...], words: st
 
 def test_a_fleet_of_which_no_stand_can_be_built_ends(domain: int, tmp_path: Path) -> None:
     stands = f"stands:=['one=./nowhere', 'two=flea@{tmp_path / 'none.yaml'}']"
-    with Process(node("flea_diag.nodes.fleet.fleet", "-p", stands), domain) as process:
+    with Process(node("fleet", "-p", stands), domain) as process:
         assert process.end() == 2
     last = process.output.splitlines()[-1]
     assert last.startswith("flea_diag: no stand can be built; the first: ")

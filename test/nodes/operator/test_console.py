@@ -50,7 +50,7 @@ from flea_diag.wire.records import (
     Truth,
 )
 
-MODULE = "flea_diag.nodes.operator.console"
+NODE = "console"
 PROMPT_S = 1.5
 """So soon a console that starts after the diagnosis shows the verdict."""
 
@@ -245,7 +245,7 @@ def publish(peer: Peer, *records: Any) -> None:
 
 
 def test_a_console_that_starts_late_shows_the_verdict_in_time(domain: int, tmp_path: Path) -> None:
-    command = node(MODULE, "-p", "style:=lines", "-p", f"journal:={tmp_path / 'a.sqlite'}")
+    command = node(NODE, "-p", "style:=lines", "-p", f"journal:={tmp_path / 'a.sqlite'}")
     with Peer(domain) as peer:
         publish(peer, NOMINAL, FLAG, LAST)
         with Process([sys.executable, "-c", "import rclpy"], domain) as warm:
@@ -264,7 +264,7 @@ def test_a_console_that_starts_late_shows_the_verdict_in_time(domain: int, tmp_p
 
 def test_a_fault_is_injected_through_the_parameter_of_the_stand(domain: int) -> None:
     told: list[str] = []
-    daq = node("flea_sim_driver.daq_node", "-p", "duration_s:=60.0")
+    daq = node("daq", "-p", "duration_s:=60.0")
     with Peer(domain) as peer:
         entry = peer.bus.remote_parameter("daq", "inject")
         entry.set("jam", told.append)
@@ -298,7 +298,7 @@ def test_a_daq_of_another_kind_is_offered_no_faults(domain: int) -> None:
 def test_what_people_say_is_in_the_bag_and_on_the_other_screens(
     domain: int, tmp_path: Path
 ) -> None:
-    recorder = node("flea_diag.nodes.recording.recorder", "-p", f"directory:={tmp_path / 'bag'}")
+    recorder = node("recorder", "-p", f"directory:={tmp_path / 'bag'}")
     desks = [Desk(AlarmJournal(tmp_path / f"{name}.sqlite"), name) for name in ("Ada", "Bob")]
     with (
         Peer(domain, name="one") as one,
@@ -365,7 +365,7 @@ def test_in_a_terminal_it_shows_takes_keys_and_quits(
     terminal: Terminal, domain: int, tmp_path: Path
 ) -> None:
     journal = tmp_path / "alarms.sqlite"
-    command = node(MODULE, "-p", f"journal:={journal}", "-p", "author:=Ada")
+    command = node(NODE, "-p", f"journal:={journal}", "-p", "author:=Ada")
     with Peer(domain) as peer:
         publish(peer, NOMINAL, FLAG, LAST)
         shell = f"{shlex.join(command)}; echo ended with $?; exec cat"
@@ -390,7 +390,7 @@ def test_the_bell_rings_until_somebody_acknowledges_and_never_for_a_replay(
 ) -> None:
     heard = tmp_path / "heard"
     heard.touch()
-    command = node(MODULE, "-p", f"journal:={tmp_path / 'alarms.sqlite'}")
+    command = node(NODE, "-p", f"journal:={tmp_path / 'alarms.sqlite'}")
     again = f"while :; do {shlex.join(command)}; done"
     with Peer(domain) as peer:
         publish(peer, replace(LAST, source="replay", words="of a replay"))

@@ -28,12 +28,12 @@ from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.hall import Hall
 from flea_diag.wire.records import AmbiguityGroup, Scan
 
-MODULE = "flea_diag.nodes.operator.console"
+NODE = "console"
 
 
 def test_a_console_prints_the_verdicts_of_all_stands_it_finds(domain: int, tmp_path: Path) -> None:
     journal = tmp_path / "alarms.sqlite"
-    command = node(MODULE, "-p", "stands:=['*']", "-p", f"journal:={journal}")
+    command = node(NODE, "-p", "stands:=['*']", "-p", f"journal:={journal}")
     with ExitStack() as stack:
         process = stack.enter_context(Process(command, domain))
         peers = [stack.enter_context(Peer(domain, name)) for name in ("bay_1", "hall/bay_2")]

@@ -72,7 +72,7 @@ def test_the_stands_on_one_page_worst_first_by_keyboard(domain: int, tmp_path: P
         pytest.skip(browsers.missing())
     journal = tmp_path / "alarms.sqlite"
     given = ("port:=0", f"journal:={journal}", "author:=Ada", "stands:=['*', 'bay_2=ema']")
-    command = node("flea_diag.nodes.operator.web", *(t for g in given for t in ("-p", g)))
+    command = node("web", *(t for g in given for t in ("-p", g)))
     with ExitStack() as stack:
         web = stack.enter_context(Process(command, domain))
         peers = {name: stack.enter_context(Peer(domain, name)) for name in VERDICTS}

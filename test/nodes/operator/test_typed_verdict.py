@@ -35,7 +35,7 @@ from flea_diag.wire.messages.verdict_numbers import NUMBER_OF
 from flea_diag.wire.records import Candidate, Level, Outcome
 
 PACKAGE = ROOT / "flea_diag_msgs"
-MODULE = "flea_diag.nodes.operator.typed_verdict"
+NODE = "typed_verdict"
 JAM = Candidate("jam", "friction+", 0.97, "fits", (), 118.5, 4.25, "N")
 FOUND = replace(LAST, members=(JAM,), words="the fault is jam")
 
@@ -104,7 +104,7 @@ def test_who_listens_reads_the_verdict_by_its_fields(types: Path, domain: int) -
     with (
         Peer(domain) as peer,
         Process([sys.executable, "-c", LISTENER], domain, **places) as listener,
-        Process(node(MODULE), domain, **places) as process,
+        Process(node(NODE), domain, **places) as process,
     ):
         process.wait_for(f"as {TYPE} on verdict")
         listener.wait_for("listening")
@@ -129,7 +129,7 @@ def test_who_listens_reads_the_verdict_by_its_fields(types: Path, domain: int) -
 def test_without_the_package_it_says_what_to_install(domain: int) -> None:
     if hasattr(sys.modules.get("flea_diag_msgs.msg"), "Verdict"):
         pytest.skip("flea_diag_msgs is installed")
-    with Process(node(MODULE), domain) as process:
+    with Process(node(NODE), domain) as process:
         process.wait_for("install the package flea_diag_msgs and source it\n")
         assert process.child.wait(20.0) == 2
     assert process.output.count("\n") == 1

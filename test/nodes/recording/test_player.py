@@ -48,7 +48,7 @@ def of_diagnoser(record: Record) -> bool:
 
 def player(*parameters: str) -> list[str]:
     given = [part for each in parameters for part in ("-p", each)]
-    return node("flea_diag.nodes.recording.player", *given)
+    return node("player", *given)
 
 
 def test_the_diagnosis_gets_all_that_the_stand_sent_and_nothing_else(domain: int) -> None:
@@ -58,7 +58,7 @@ def test_the_diagnosis_gets_all_that_the_stand_sent_and_nothing_else(domain: int
     with Peer(domain) as peer:
         for kind in (AmbiguityGroup, Health):
             peer.bus.subscribe(kind, peer.records.append)
-        diagnoser = node("flea_diag.nodes.diagnoser", "-p", "memory:=none")
+        diagnoser = node("diagnoser", "-p", "memory:=none")
         play = player(f"bag:={BAG}", "wait_for:=diagnoser")
         with Process(play, domain) as process, Process(diagnoser, domain):
             peer.until(lambda: process.child.poll() is not None, LIMIT_S)

@@ -81,7 +81,7 @@ def test_the_composed_node_weighs_as_a_replay(domain: int, by_evidence: tuple[st
     last = [record for record in wanted if isinstance(record, AmbiguityGroup)][-1]
     assert last.outcome is Outcome.INDISTINGUISHABLE
     assert {member.fault for member in last.members} == {"jam", "ball_nut_friction"}
-    diagnoser = node("flea_diag.nodes.diagnoser", "-p", "memory:=none", *by_evidence)
+    diagnoser = node("diagnoser", "-p", "memory:=none", *by_evidence)
     with Process(diagnoser, domain), Peer(domain) as peer:
         assert digest(flown(Flight(peer), None, digest(wanted))) == digest(wanted)
 
@@ -92,7 +92,7 @@ def test_three_nodes_weigh_as_one(domain: int, by_evidence: tuple[str, ...]) -> 
     parts = ("observer", by_evidence), ("isolator", isolator), ("extractor", ())
     with ExitStack() as running_nodes:
         for part, told in parts:
-            running_nodes.enter_context(Process(node(f"flea_diag.nodes.{part}", *told), domain))
+            running_nodes.enter_context(Process(node(part, *told), domain))
         flight = Flight(running_nodes.enter_context(Peer(domain)), BETWEEN)
         flight.introduce(next(r for r in dragged() if isinstance(r, Scan)))
         assert digest(flown(flight, 2.0, wanted)) == wanted
@@ -103,6 +103,6 @@ def test_a_calibration_without_a_law_is_refused_by_the_node(domain: int, tmp_pat
     path = tmp_path / "older.yaml"
     write_calibration(path, replace(calibration(), law=None))
     told = "-p", "configuration:=evidence", "-p", f"calibration:={path}"
-    with Process(node("flea_diag.nodes.observer", *told), domain) as it:
+    with Process(node("observer", *told), domain) as it:
         assert it.end() == 2
     assert "no law of healthy recordings" in it.output

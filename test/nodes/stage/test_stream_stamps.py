@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from flea_diag.nodes.stage.stream_stamps import FOLLOWERS, JUMP_NS, StreamStamps
+from flea_diag.nodes.stage.stream_stamps import BACK_NS, FOLLOWERS, StreamStamps
 from flea_diag.wire.records import ChannelTable, Record, Scan
 
-START_NS = 100 * JUMP_NS
-STEP_NS = JUMP_NS // 100
+START_NS = 100 * BACK_NS
+STEP_NS = BACK_NS // 100
 
 
 class Heard:
@@ -60,7 +60,7 @@ def test_a_single_step_back_is_held_and_let_go_behind_the_stream() -> None:
 
 def test_a_small_step_back_is_late_and_no_more() -> None:
     made, heard, begun = stamps()
-    assert made.due(scan(START_NS - JUMP_NS)) == (scan(START_NS - JUMP_NS),)
+    assert made.due(scan(START_NS - BACK_NS)) == (scan(START_NS - BACK_NS),)
     assert (heard.late, begun) == (1, [])
 
 

@@ -72,7 +72,7 @@ def recorded(number: int, folder: Path) -> Recorded:
 def _source(network: Network, from_ns: int) -> None:
     topic = TOPIC_OF[Scan]
     writer = RosNode(network, "stand").create_publisher(
-        None, topic.name, qos.of_topic(topic, topic.depth)
+        None, topic.name, qos.reliable(topic.depth, topic.latched)
     )
     scan = Scan(0, ("motor_current",), (1.0,))
     for number in range(SCANS):

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flea_diag.nodes import diagnoser, extractor, isolator, observer
 from flea_diag.nodes.recording import recorder
+from flea_diag.nodes.stage_nodes import diagnoser, extractor, isolator, observer
 from flea_diag.wire.bus import Program, qos
 from flea_diag.wire.bus.life_cycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE
 from flea_diag.wire.messages import codec
@@ -47,8 +47,8 @@ LOOK_NS = 500_000_000
 BUSY_NS = (200_000, 2_000_000)
 """Time that a callback takes."""
 LAYOUTS: tuple[tuple[Callable[..., Program], ...], ...] = (
-    (diagnoser.program,),
-    (observer.program, isolator.program, extractor.program),
+    (diagnoser,),
+    (observer, isolator, extractor),
 )
 
 
@@ -129,7 +129,9 @@ class World:
         """A node that publishes a run, at its pace."""
         node = RosNode(self.network, name)
         table, scans = (
-            node.create_publisher(None, TOPIC_OF[kind].name, qos.of_topic(TOPIC_OF[kind], 100))
+            node.create_publisher(
+                None, TOPIC_OF[kind].name, qos.reliable(100, TOPIC_OF[kind].latched)
+            )
             for kind in (ChannelTable, Scan)
         )
         table.publish(codec.encode(replace(run.table, stamp_ns=from_ns)))
@@ -248,7 +250,7 @@ def old_bag(world: World) -> None:
     begin_ns = round(world.some_time() * S)
     node = RosNode(world.network, "player")
     topic = TOPIC_OF[Scan]
-    writer = node.create_publisher(None, topic.name, qos.of_topic(topic, 100))
+    writer = node.create_publisher(None, topic.name, qos.reliable(100, topic.latched))
     for number, scan in enumerate(old.scans):
         data = codec.encode(replace(scan, stamp_ns=1_262_300_000 * S + scan.stamp_ns))
         at_ns = world.scheduler.now_ns + begin_ns + number * PERIOD_NS // 5

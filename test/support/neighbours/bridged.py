@@ -43,7 +43,7 @@ def bridged(
     kinds = {kind.__name__: kind for kind in every}
     of_topic = {topic: kinds[type(message).__name__.split("__")[-1]] for topic, _, message in sent}
     given = [f"stand:={stand}", *(RELIABLE.format(topic) for topic in of_topic)]
-    command = node("flea_diag.nodes.bridge", *(part for each in given for part in ("-p", each)))
+    command = node("bridge", *(part for each in given for part in ("-p", each)))
     with Process(command, domain) as process, Peer(domain) as peer:
         writers = {
             topic: peer.node.create_publisher(kind, topic, 100) for topic, kind in of_topic.items()

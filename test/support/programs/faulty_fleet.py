@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import sys
 
-from flea_diag.nodes.fleet import fleet
+from flea_diag.nodes.main import main
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.wire.records import Record, Scan
 
@@ -35,4 +35,4 @@ def _failing(self: ObserverStage, record: Record) -> tuple[Record, ...]:
 
 if __name__ == "__main__":
     ObserverStage.handle = _failing  # type: ignore[method-assign]
-    sys.exit(fleet.main())
+    sys.exit(main(["fleet", *sys.argv[1:]]))

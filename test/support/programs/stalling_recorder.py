@@ -25,7 +25,7 @@ import os
 import sys
 from pathlib import Path
 
-from flea_diag.nodes.recording.recorder import main
+from flea_diag.nodes.main import main
 
 GATE = Path(sys.argv.pop(1))
 to_disk = os.fdatasync
@@ -43,4 +43,4 @@ def stalled(descriptor: int) -> None:
 
 
 os.fdatasync = stalled
-sys.exit(main())
+sys.exit(main(["recorder", *sys.argv[1:]]))

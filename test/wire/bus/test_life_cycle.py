@@ -180,7 +180,7 @@ def test_cleanup_drops_the_stage_and_configure_builds_one_of_the_present_paramet
 def test_latched_inputs_survive_configure_cleanup_and_deactivation(domain: int) -> None:
     """What was latched while the node was not active is what it begins with."""
     known = load_calibration(load_stand().calibration).channels
-    command = node("flea_diag.nodes.diagnoser", "-p", "autostart:=false", "-p", "memory:=none")
+    command = node("diagnoser", "-p", "autostart:=false", "-p", "memory:=none")
     with Process(command, domain), Peer(domain) as peer:
         peer.bus.subscribe(AmbiguityGroup, peer.records.append)
         stamp_ns, units = 10**18, dict.fromkeys(known, "") | {"motor_current": "mA"}
@@ -212,9 +212,7 @@ def test_the_bag_of_a_recorder_that_is_activated_later_has_what_was_latched(
 ) -> None:
     bag = tmp_path / "bag"
     given = (f"directory:={bag}", "autostart:=false", "clips:=false")
-    command = node(
-        "flea_diag.nodes.recording.recorder", *(part for each in given for part in ("-p", each))
-    )
+    command = node("recorder", *(part for each in given for part in ("-p", each)))
     with Process(command, domain) as process, Peer(domain) as peer:
         peer.bus.publish(ChannelTable(1, "stand", ()))
         assert peer.change_state("recorder", "configure")
@@ -250,7 +248,7 @@ def test_shutdown_ends_the_node_with_status_0(managed: Managed) -> None:
 
 def test_a_configuration_that_fails_leaves_the_node_unconfigured(domain: int) -> None:
     """Started by itself the node ends with the same line (``test_program``)."""
-    command = node("flea_diag.nodes.observer", "-p", "autostart:=false", "-p", "calibration:=none")
+    command = node("observer", "-p", "autostart:=false", "-p", "calibration:=none")
     with Process(command, domain) as process, Peer(domain) as peer:
         peer.until(lambda: peer.node.count_publishers("/observer/state") > 0, LIMIT_S)
         assert not peer.change_state("observer", "configure")
@@ -263,7 +261,7 @@ def test_a_configuration_that_fails_leaves_the_node_unconfigured(domain: int) ->
 def test_a_configuration_that_fails_ends_a_node_that_starts_itself_with_one_line(
     domain: int,
 ) -> None:
-    command = node("flea_diag.nodes.observer", "-p", "calibration:=none")
+    command = node("observer", "-p", "calibration:=none")
     with Process(command, domain) as process:
         assert process.end() == 2
     assert process.output.startswith("flea_diag: ")

@@ -20,13 +20,12 @@ import signal
 import subprocess
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 from support.live import ROOT, Peer, Process, environment, node, toy
 
-from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.executables import program_of
 from flea_diag.wire.bus.program import usage
 from flea_diag.wire.records import Health
 from flea_diag.wire.topics import TOPICS
@@ -39,7 +38,7 @@ INT, TERM = signal.SIGINT, signal.SIGTERM
 def test_signals_end_a_node_in_order(
     domain: int, executor: str, signals: tuple[signal.Signals, ...], tmp_path: Path
 ) -> None:
-    command = node("flea_diag.nodes.recording.recorder", "-p", f"executor:={executor}")
+    command = node("recorder", "-p", f"executor:={executor}")
     with Process(command, domain, cwd=tmp_path) as process:
         process.wait_for(f"recording {len(TOPICS)} topics")
         status = process.signal(*signals)
@@ -169,7 +168,7 @@ NODES = ("observer", "isolator", "extractor", "diagnoser", "recorder", "console"
 @pytest.mark.parametrize("name", NODES)
 def test_help_says_topics_parameters_and_examples(name: str) -> None:
     """What ``--help`` prints; every executable is started with it in ``test_installation.py``."""
-    said = usage(import_module(EXECUTABLES[name]).program())
+    said = usage(program_of(name))
     assert f"ros2 run flea_diag {name}" in said
     for word in ("subscribes:", "parameters", "executor", "examples:", "/msg/"):
         assert word in said

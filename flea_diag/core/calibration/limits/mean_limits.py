@@ -24,6 +24,7 @@ from flea_diag.core.calibration.limits.window_fit import WindowFit, WindowStatis
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
 from flea_diag.core.residuals.residual_rows import ResidualRow
+from flea_diag.core.running_mean import rolling_means
 from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
 
 Array = npt.NDArray[np.float64]
@@ -71,15 +72,8 @@ def _means(
     values, speed, spread = column
     if len(values) < window:
         return WindowStatistic(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
-    region = np.searchsorted(SPEED_REGIONS_M_S, _rolling(speed, window))
-    unit = np.square(_rolling(spread, window) * differing).sum(axis=1)
+    region = np.searchsorted(SPEED_REGIONS_M_S, rolling_means(speed, window))
+    unit = np.square(rolling_means(spread, window) * differing).sum(axis=1)
     return WindowStatistic(
-        _rolling(values, window), np.asarray(region, dtype=np.int64), unit + extra
+        rolling_means(values, window), np.asarray(region, dtype=np.int64), unit + extra
     )
-
-
-def _rolling(values: Array, window: int) -> Array:
-    """Means over ``window`` rows."""
-    sums = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
-    rolled: Array = (sums[window:] - sums[:-window]) / window
-    return rolled
