@@ -104,6 +104,7 @@ def relation_set(
         tolerances=actuator.tolerances,
         base_units=actuator.base_units,
         free=actuator.free_per_run,
+        held=dict(actuator.operating.hold),
     )
 
 
