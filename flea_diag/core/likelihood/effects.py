@@ -150,7 +150,7 @@ class EffectRules:
         found: list[FaultEffect] = []
         for row in self._set.predictions:
             grown = total(a * derivative(row.rate, name) for name, a in amounts.items())
-            rate = substitute(substitute(grown, row.warm), self._held)
+            rate = substitute(substitute(substitute(grown, row.warm), self._true), self._held)
             if rate != ZERO and not set(symbols(rate)) & set(self._signals):
                 found += faster(row.name, rate, index)
         return tuple(found)

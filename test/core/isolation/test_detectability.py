@@ -92,7 +92,7 @@ def test_without_its_thermal_limits_a_temperature_shows_only_what_its_readings_t
         ("flea", (), set()),
         ("flea", ("load_force",), {"jam", "ball_nut_friction"}),
         ("flea", ("motor_voltage",), {"winding_open", "supply_open"}),
-        ("joint", (), {"backlash", "winding_resistance_rise"}),
+        ("joint", (), {"backlash"}),
     ],
 )
 def test_a_fault_of_the_plant_that_no_relation_holds_is_named(
