@@ -274,24 +274,20 @@ def catalogue(made: Foreign) -> dict[str, Any]:
         }  # fmt: skip
 
     motor = {"torque_constant": -1.0, "back_emf_constant": -1.0}
-    heated = {"name": "faster heating", "unit": "K/s", "adds": {"motor_temperature": "1"},
-              "low": 0.02, "high": 3.0}  # fmt: skip
     faults: dict[str, Any] = {
         "jam": row([["coulomb_friction+", "viscous_friction+"]],
                    {**dry, "of": "coulomb_friction_n", "least": 0.5}, viscous),
         "gear_friction": row([["viscous_friction+", "coulomb_friction+"]],
                              {**dry, "of": "coulomb_friction_n", "high": 1.5},
                              {**viscous, "of": "viscous_friction_n_s_per_m", "least": 0.3}),
+        "winding_resistance_rise": row([["winding_resistance+"]],
+                                       share({"winding_resistance": 1.0}, 2.0)),
         "magnet_loss": row([["torque_constant-", "back_emf_constant-"]], share(motor, 0.6)),
     }  # fmt: skip
-    if made.arm:
-        faults["winding_resistance_rise"] = row([["winding_resistance+"]], heated)
-    else:
+    if not made.arm:
         volts = {"name": "volts lost", "unit": "V", "moves": {"bus_level_v": -1},
                  "high": 0.8 * made.numbers.supply}  # fmt: skip
         faults |= {
-            "winding_resistance_rise": row([["winding_resistance+"]],
-                                           share({"winding_resistance": 1.0}, 2.0)),
             "winding_short": row([["winding_resistance-", "torque_constant-",
                                    "back_emf_constant-"]],
                                  share({"winding_resistance": -1.0, **motor}, 0.7)),

@@ -14,8 +14,8 @@
 
 """Random machines through all commands: no traceback, one answer, no file that nobody reads.
 
-    .venv/bin/python bench/robustness/machines.py --count 10000
-    .venv/bin/python bench/robustness/machines.py --count 500 --recorded    a few seconds each
+    .venv/bin/python bench/robustness/machines.py --count 10000     a third of a second each
+    .venv/bin/python bench/robustness/machines.py --count 10000 --recorded-every 20    2 s more
 
 A seed that fails is kept below --folder; its number alone makes it again.
 """
@@ -36,11 +36,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 from support.machines.commands import through_all
 
 
-def judged(seed: int, folder: Path, recorded: bool) -> tuple[int, str, list[str]]:
+def judged(seed: int, folder: Path, every: int) -> tuple[int, str, list[str]]:
     """Seed, how far it came, and what is wrong."""
     place = folder / str(seed)
     shutil.rmtree(place, ignore_errors=True)
-    answers = through_all(seed, place, recorded)
+    answers = through_all(seed, place, bool(every) and seed % every == 0)
     wrong = list(answers.wrong())
     if not wrong:
         shutil.rmtree(place)
@@ -53,7 +53,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1000, help="of the first")
-    parser.add_argument("--recorded", action="store_true", help="simulate, calibrate, replay, too")
+    parser.add_argument(
+        "--recorded-every",
+        type=int,
+        default=0,
+        metavar="N",
+        help="simulate, calibrate and replay each Nth, too; 0: none",
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--folder", type=Path, help="where failures are kept")
     given = parser.parse_args()
@@ -61,11 +67,13 @@ def main() -> int:
     tally: Counter[str] = Counter()
     failed = 0
     with ProcessPoolExecutor(given.jobs) as pool:
-        work = partial(judged, folder=folder, recorded=given.recorded)
+        work = partial(judged, folder=folder, every=given.recorded_every)
         seeds = range(given.seed, given.seed + given.count)
         for seed, far, wrong in pool.map(work, seeds, chunksize=8):
             tally[far] += 1
             failed += bool(wrong)
+            if (done := tally.total()) % 500 == 0:
+                print(f"{done} done, {failed} wrong", file=sys.stderr, flush=True)
             for words in wrong:
                 print(f"{seed}: {words}", flush=True)
     for far, count in tally.most_common():

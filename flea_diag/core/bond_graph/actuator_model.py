@@ -203,6 +203,15 @@ class Actuator:
         ModelError
             The causality of the graph is not sound.
         """
+        if view not in self._by_view:
+            self._by_view[view] = self._relations(view)
+        return self._by_view[view]
+
+    @cached_property
+    def _by_view(self) -> dict[str, tuple[Relation, ...]]:
+        return {}
+
+    def _relations(self, view: str) -> tuple[Relation, ...]:
         model = self.view(view)
         graph = _moved(self.graph, model.moved)
         causality, _ = solve(graph)

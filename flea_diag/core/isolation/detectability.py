@@ -39,7 +39,8 @@ UNDETECTABLE = (
     "show it"
 )
 TOO_WIDE = (
-    "no size of the catalogue reaches a limit of this calibration: record more nominal running"
+    "no size of the catalogue reaches a limit of this calibration; more nominal running, or a "
+    "sensor nearer to it, would show it"
 )
 
 

@@ -80,6 +80,7 @@ class EffectRules:
     def __init__(self, relations: RelationSet) -> None:
         self._set = relations
         self._slow = {name: Constant(value) for name, value in relations.reference.items()}
+        self._held = {name: Constant(value) for name, value in relations.held.items()}
         self._true = {
             channel: Variable(channel) + offset for channel, offset in relations.offsets.items()
         }
@@ -144,6 +145,20 @@ class EffectRules:
             found += self._effects(row, grown, index)
         return tuple(found)
 
+    def predicted(self, amounts: Mapping[str, Expression], index: int = 0) -> Effects:
+        """The same in predictions: a rate, that of the held operating point once it is warm."""
+        found: list[FaultEffect] = []
+        for row in self._set.predictions:
+            grown = total(a * derivative(row.rate, name) for name, a in amounts.items())
+            rate = substitute(substitute(substitute(grown, row.warm), self._true), self._held)
+            if rate != ZERO and not set(symbols(rate)) & set(self._signals):
+                found += faster(row.name, rate, index)
+        return tuple(found)
+
+    def grown(self, amounts: Mapping[str, Expression], index: int = 0) -> Effects:
+        """In the balances; what no balance shows is left to the predictions, which heat lags."""
+        return self.moved(amounts, index) or self.predicted(amounts, index)
+
     def scaled(self, shares: Mapping[str, float], index: int = 0) -> Effects:
         """Of physical parameters that are larger by these shares of themselves."""
         amounts: dict[str, Expression] = {}
@@ -151,7 +166,7 @@ class EffectRules:
             share = sum(power_of(physical, definition) * s for physical, s in shares.items())
             if share:
                 amounts[name] = Constant(share) * Variable(name)
-        return self.moved(amounts, index)
+        return self.grown(amounts, index)
 
     def opened(self, physical: Iterable[str], index: int = 0) -> Effects:
         """Of elements that nothing flows through: relations without what they took."""

@@ -41,7 +41,7 @@ def plant_models(fault: Fault, rules: EffectRules) -> Iterable[SymbolicModel]:
 def _effects(size: SizeRow, rules: EffectRules, index: int) -> Effects:
     moved = {name: Constant(amount) for name, amount in size.moves}
     return (
-        *rules.moved(moved, index),
+        *rules.grown(moved, index),
         *rules.scaled(dict(size.scales), index),
         *(rules.opened(size.opens, index) if size.opens else ()),
         *(effect for name, drag in size.adds for effect in rules.added(name, drag, index)),

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
@@ -114,6 +114,7 @@ class ParityRelation:
         return replace(self, name=name, expression=signed)
 
 
+@lru_cache(maxsize=1024)
 def _scaling(r: Expression, channel: str) -> Expression:
     name, terms = channel, []
     for _ in range(3):

@@ -62,6 +62,13 @@ class Prediction:
         flows = (rate * (Variable(name) - own) for name, rate in self.exchange.items())
         return total((self.supply, *flows))
 
+    @property
+    def warm(self) -> Mapping[str, Expression]:
+        """Channel -> where it comes to rest: it gives neighbours, at zero, what supplies it."""
+        leaves = total(self.exchange.values())
+        own = ZERO if leaves == ZERO else self.supply / leaves
+        return {**dict.fromkeys(self.exchange, ZERO), self.channel: own}
+
 
 def prediction(actuator: Actuator, spec: ResidualSpec) -> Prediction:
     """Relation of a residual of kind ``prediction``, in the parameters of the graph.

@@ -81,9 +81,8 @@ def relation_set(
     rows.sort(key=lambda row: _rank(actuator, row))
     predictions = _predictions(actuator, base, shapes)
     named = MappingProxyType({name: shape for shape, name in shapes.items()})
-    inside = [name for shape in shapes for name in symbols(shape)]
-    supplied = [name for row in predictions for name in symbols(row.supply)]
-    every = dict.fromkeys([*(n for row in rows for n in row.signals), *inside, *supplied])
+    inside = [symbols(each) for each in (*shapes, *(row.supply for row in predictions))]
+    every = dict.fromkeys(n for read in (*(row.signals for row in rows), *inside) for n in read)
     measured = [name for name in every if name not in named and name not in held]
     return RelationSet(
         tuple(rows),
@@ -104,6 +103,7 @@ def relation_set(
         tolerances=actuator.tolerances,
         base_units=actuator.base_units,
         free=actuator.free_per_run,
+        held=dict(actuator.operating.hold),
     )
 
 

@@ -118,6 +118,8 @@ class RelationSet(Frozen):
         Name -> by how much healthy units differ, where the description says so.
     free
         Base parameter that each run may have its own value of -> its range.
+    held
+        Channel -> its magnitude at the operating point.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -140,6 +142,7 @@ class RelationSet(Frozen):
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
     base_units: Mapping[str, str] = field(default_factory=dict)
     free: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ import itertools
 import math
 import re
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 
 from flea_diag.core.symbolic.expression import (
@@ -128,10 +129,15 @@ def collect(expression: Expression, signals: Collection[str]) -> Mapping[Express
         Names that vary from scan to scan; all others are parameters. The basis signal of a term
         without any of them is 1.
     """
+    return _collected(expression, frozenset(signals))
+
+
+@lru_cache(maxsize=4096)
+def _collected(expression: Expression, signals: frozenset[str]) -> Mapping[Expression, Expression]:
     found: dict[Expression, Expression] = {}
     for term in terms_of(expand(expression)):
         factors = factors_of(term)
-        varying = [f for f in factors if any(name in signals for name in symbols(f))]
+        varying = [f for f in factors if not signals.isdisjoint(symbols(f))]
         basis = product(varying)
         constant = product(f for f in factors if f not in varying)
         found[basis] = found[basis] + constant if basis in found else constant

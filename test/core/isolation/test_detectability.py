@@ -29,6 +29,7 @@ from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.isolation.detectability import (
     smallest_detectable_offsets,
     undetectable,
+    unseen_by_limits,
     without_relation,
 )
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
@@ -92,7 +93,7 @@ def test_without_its_thermal_limits_a_temperature_shows_only_what_its_readings_t
         ("flea", (), set()),
         ("flea", ("load_force",), {"jam", "ball_nut_friction"}),
         ("flea", ("motor_voltage",), {"winding_open", "supply_open"}),
-        ("joint", (), {"backlash", "winding_resistance_rise"}),
+        ("joint", (), {"backlash"}),
     ],
 )
 def test_a_fault_of_the_plant_that_no_relation_holds_is_named(
@@ -110,6 +111,25 @@ def test_a_fault_of_the_plant_that_no_relation_holds_is_named(
     found = {f.name for f in without_relation(known.faults, models, known.calibration)}
     assert expected <= found
     assert found == expected or lacking
+
+
+HEAT_K_PER_S = {
+    "joint": 0.75 * 1.8**2 / 450.0,
+    "shoulder": 0.45 * 3.0**2 / 620.0,
+    "axis": 3.0 * 0.9**2 / 850.0,
+}
+"""R I^2 / C of their data sheets, at the current that their descriptions hold."""
+
+
+@pytest.mark.parametrize("stand", list(HEAT_K_PER_S))
+def test_a_resistance_that_no_voltage_shows_is_said_to_be_unseen(stand: str) -> None:
+    """Six times the resistance heats a motor by less than its thermometer would have to drift."""
+    law = learned(load_stand(stand)).law
+    assert law is not None
+    rows = {row.fault: row for row in law.visible}
+    assert "winding_resistance_rise" in unseen_by_limits(law.visible)
+    gained = rows["winding_resistance_rise"].largest * HEAT_K_PER_S[stand]
+    assert gained < 0.5 * rows["motor_temperature_drift"].limits
 
 
 def test_the_least_offset_is_that_of_the_finest_test():

@@ -236,3 +236,35 @@ def test_a_rate_that_is_added_to_a_prediction_runs_away_from_it() -> None:
         "elapsed_s": 1.0,
     }
     assert SLOPE.added("no_such_residual", monomial("1")) == ()
+
+
+def heated(stand: str, parameter: str, lacking: str = "") -> dict[tuple[str, str], float]:
+    """What a parameter that is twice as large adds, in the numbers of the description."""
+    path = SHIPPED_STANDS[stand] / "actuator.yaml"
+    known = description.described(path)
+    channels = tuple(name for name in (*known.sensors, *known.inputs) if name != lacking)
+    relations = description.compiled_relations(path, channels)
+    found: dict[tuple[str, str], float] = {}
+    for effect in EffectRules(relations).scaled({parameter: 1.0}):
+        key = effect.residual, str(effect.basis)
+        found[key] = evaluate(effect.gain, relations.described)
+    return found
+
+
+def test_a_resistance_that_no_voltage_shows_heats_by_its_own_loss() -> None:
+    """R I^2 / C at the operating point of the elbow: 0.75 ohm, 1.8 A, 450 J/K."""
+    rate = 0.75 * 1.8**2 / 450.0
+    assert heated("joint", "winding_resistance", lacking="motor_voltage") == pytest.approx(
+        {("motor_temperature", "1"): 15.0 * rate, ("motor_temperature", "elapsed_s"): rate}
+    )
+    (only,) = heated("joint", "winding_resistance")
+    assert only == (ELECTRICAL, "motor_current")
+
+
+def test_lost_cooling_heats_by_what_a_warm_motor_gives_away() -> None:
+    """At rest that is all that heats it, R I^2: 2.95 ohm and 1 A in 300 J/K of the FLEA."""
+    rate = 2.95 * 1.0**2 / 300.0
+    assert heated("flea", "housing_ambient_resistance") == pytest.approx(
+        {("motor_temperature", "1"): 15.0 * rate, ("motor_temperature", "elapsed_s"): rate}
+    )
+    assert heated("joint", "motor_capacity", lacking="motor_voltage")["motor_temperature", "1"] < 0
