@@ -119,7 +119,8 @@ def _coupling_force(c: Any, gap: float, closing: float) -> float:
     """Backlash, then a spring and a damper that can only push.
 
     One way the armature is pushed against its magnet, the other way the magnet has to hold it: by
-    no more than its pull, beyond which a gap opens until the pull closes it.
+    no more than its pull, beyond which a gap opens until the pull closes it; that the pull falls
+    with the gap is neglected.
     """
     half = 0.5 * c.backlash
     if gap > half:

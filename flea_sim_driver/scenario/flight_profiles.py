@@ -38,7 +38,7 @@ ROW_S = 0.02
 """Rows of a profile, at the 50 Hz of an aircraft's data bus."""
 SWELL_S = 1.0
 """Time in which a profile rises from rest."""
-SERVO_RAD_S = 20.0
+SERVO_RAD_S = 12.0
 """Bandwidth of the flight control that turns a gust into a command."""
 
 
