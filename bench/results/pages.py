@@ -105,9 +105,9 @@ PAGES = (
         "flight",
         "Flight",
         "Twenty control surfaces in small and slow motion ([Flight](../flight.md)), healthy and "
-        "with faults, with the description and the calibration that that page asks for. The *bound* "
+        "with faults, with the description and calibration that this page asks for. The *bound* "
         "of a fault is what the law of the calibration holds on it in that very motion; a fault "
-        "counts as found within 10 s of motion, which is a command above 1 mm/s.",
+        "counts as found within 10 s of motion, which is a speed above 1 mm/s.",
         ("flight",),
     ),
     ResultPage(

@@ -113,7 +113,7 @@ def read_flight(path: Path, limits: Limits, *, fit: bool = False) -> Flight:
     flight = Flight(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy())
     if fit:
         flight = fitted(flight, limits)
-    check_flight(flight, limits, str(path))
+    _check(flight, limits, path)
     return flight
 
 
@@ -171,14 +171,7 @@ def _row(cells: list[str], path: Path, line: int) -> list[float]:
     return values
 
 
-def check_flight(flight: Flight, limits: Limits, where: str) -> None:
-    """Refuse what a machine cannot follow.
-
-    Raises
-    ------
-    ConfigurationError
-        Names the row, the value and its limit.
-    """
+def _check(flight: Flight, limits: Limits, path: Path) -> None:
     step = np.diff(flight.time_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.abs(np.diff(flight.position_m)) / step
@@ -207,15 +200,15 @@ def check_flight(flight: Flight, limits: Limits, where: str) -> None:
     for bad, values, name, limit in checks:
         if bad.any():
             row = int(np.argmax(bad))
-            raise _refusal(where, flight, row, f"{name} = {values[row]:g}, must be {limit}")
+            raise _refusal(path, flight, row, f"{name} = {values[row]:g}, must be {limit}")
     acceleration = flight.acceleration_m_s2()
     row = int(np.argmax(acceleration))
     if acceleration[row] > limits.flight_acceleration_m_s2:
         asked = f"acceleration in m/s^2 = {acceleration[row]:.3g}"
         raise _refusal(
-            where, flight, row, f"{asked}, must be at most {limits.flight_acceleration_m_s2}"
+            path, flight, row, f"{asked}, must be at most {limits.flight_acceleration_m_s2}"
         )
 
 
-def _refusal(where: str, flight: Flight, row: int, reason: str) -> ConfigurationError:
-    return ConfigurationError(f"{where}, row {row + 1} (time_s {flight.time_s[row]:g}): {reason}")
+def _refusal(path: Path, flight: Flight, row: int, reason: str) -> ConfigurationError:
+    return ConfigurationError(f"{path}, row {row + 1} (time_s {flight.time_s[row]:g}): {reason}")

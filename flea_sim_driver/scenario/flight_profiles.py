@@ -29,17 +29,19 @@ from scipy.signal import lfilter
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.machine.machine import Limits
-from flea_sim_driver.scenario.flight import Flight, check_flight
+from flea_sim_driver.scenario.flight import Flight
 
 Array = npt.NDArray[np.float64]
 Shape = Callable[[Array, np.random.Generator], Array]
 DURATION_S = 60.0
 ROW_S = 0.02
 """Rows of a profile, at the 50 Hz of an aircraft's data bus."""
+ROOM = 0.99
+"""Share of its limits that a machine is flown to."""
 SWELL_S = 1.0
 """Time in which a profile rises from rest."""
-SERVO_RAD_S = 12.0
-"""Bandwidth of the flight control that turns a gust into a command."""
+SERVO_RAD_S = 6.0
+"""Bandwidth of a pilot, or of the flight control, that answers to a gust."""
 
 
 def _ramp(u: Array) -> Array:
@@ -116,6 +118,9 @@ class FlightProfile:
         Add up to the deflection, in shares of the stroke.
     load, hinge
         Constant load, and load per deflection of a tenth of the stroke, shares of the limit.
+
+    Less than a twentieth of the stroke does not move the FLEA: its soft loop needs an error of 3 mm
+    to overcome friction.
     """
 
     name: str
@@ -123,26 +128,24 @@ class FlightProfile:
     source: str
     parts: tuple[Shape, ...]
     load: float = 0.0
-    hinge: float = 0.2
+    hinge: float = 0.1
 
     def flight(self, limits: Limits, seed: int, duration_s: float = DURATION_S) -> Flight:
-        """Position and load within the limits of a machine.
-
-        Raises
-        ------
-        ConfigurationError
-            The machine cannot follow.
-        """
+        """Position and load within the limits of a machine: smaller where it is too slow."""
         time_s = ROW_S * np.arange(round(duration_s / ROW_S) + 1)
         draw = np.random.default_rng((seed, *self.name.encode()))
         swell = _ramp(time_s / SWELL_S)
         deflection = swell * sum(part(time_s, draw) for part in self.parts)
         load = self.load * swell + self.hinge * deflection / 0.1
-        flown = Flight(
-            time_s, limits.stroke_m * (0.5 + deflection), limits.load_n * np.clip(load, -1.0, 1.0)
+        load_n = limits.load_n * np.clip(load, -1.0, 1.0)
+        whole = Flight(time_s, limits.stroke_m * (0.5 + deflection), load_n)
+        share = ROOM * min(
+            limits.flight_speed_m_s / _largest(np.diff(whole.position_m) / ROW_S),
+            limits.flight_acceleration_m_s2 / _largest(whole.acceleration_m_s2()),
+            0.5 / _largest(deflection),
         )
-        check_flight(flown, limits, f"flight profile {self.name}")
-        return flown
+        smaller = limits.stroke_m * (0.5 + min(share, 1.0) * deflection)
+        return Flight(time_s, smaller, load_n)
 
 
 MIL, ADS = "MIL-HDBK-1797", "ADS-33E-PRF"
@@ -152,69 +155,73 @@ DOUBLET = ((1.0, 1.0), (2.0, -1.0), (3.0, 0.0))
 CODE_3211 = ((1.0, 1.0), (3.1, -1.0), (4.5, 1.0), (5.2, -1.0), (5.9, 0.0))
 
 
+def _largest(values: Array) -> float:
+    return max(float(np.abs(values).max()), 1e-9)
+
+
 def _scaled(level: float, rows: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     return tuple((at_s, level * share) for at_s, share in rows)
 
 
 FLIGHT_PROFILES: tuple[FlightProfile, ...] = (
-    FlightProfile("aileron_doublet", "doublet of 3 %, 1 s a side, every 12 s",
+    FlightProfile("aileron_doublet", "doublet of 12 %, 1 s a side, every 12 s",
                   f"{MIL}, roll response to a doublet",
-                  (_steps(*_scaled(0.03, DOUBLET), rise_s=0.3, every_s=12.0),)),
-    FlightProfile("aileron_bank_to_bank", "6 % for 1.5 s each way between 30 degrees of bank",
+                  (_steps(*_scaled(0.12, DOUBLET), rise_s=0.4, every_s=12.0),)),
+    FlightProfile("aileron_bank_to_bank", "20 % for 1.5 s each way between 30 degrees of bank",
                   "MIL-F-8785C 3.3.4, time to change bank",
-                  (_steps((1.0, 0.06), (2.5, 0.0), (6.0, -0.06), (9.0, 0.0), (12.5, 0.06),
-                          (14.0, 0.0), rise_s=0.5, every_s=16.0),)),
-    FlightProfile("aileron_trim", "trim steps of 1 %, holds of 9 s", f"{MIL}, trim in cruise",
-                  (_steps((1.0, 0.01), (10.0, 0.02), (19.0, 0.01), (28.0, 0.0), rise_s=1.0,
+                  (_steps((1.0, 0.2), (2.5, 0.0), (6.0, -0.2), (9.0, 0.0), (12.5, 0.2),
+                          (14.0, 0.0), rise_s=0.7, every_s=16.0),)),
+    FlightProfile("aileron_trim", "trim steps of 5 %, holds of 9 s", f"{MIL}, trim in cruise",
+                  (_steps((1.0, 0.05), (10.0, 0.1), (19.0, 0.05), (28.0, 0.0), rise_s=1.0,
                           every_s=37.0),), load=0.2),
-    FlightProfile("aileron_gust_light", "gusts of 0.5 % rms, 0.3 s", f"{DRYDEN}, light, roll",
-                  (_gust(0.005, 0.3, vertical=False),)),
-    FlightProfile("aileron_gust_severe", "gusts of 1.5 % rms, 0.3 s", f"{DRYDEN}, severe, roll",
-                  (_gust(0.015, 0.3, vertical=False),)),
-    FlightProfile("elevator_3211", "3-2-1-1 of 3 %, 0.7 s a unit, every 14 s",
+    FlightProfile("aileron_gust_light", "gusts of 4 % rms, 2 s", f"{DRYDEN}, light, roll",
+                  (_gust(0.04, 2.0, vertical=False),)),
+    FlightProfile("aileron_gust_severe", "gusts of 8 % rms, 1 s", f"{DRYDEN}, severe, roll",
+                  (_gust(0.08, 1.0, vertical=False),)),
+    FlightProfile("elevator_3211", "3-2-1-1 of 12 %, 0.7 s a unit, every 14 s",
                   "Marchand and Koehler 1974; Jategaonkar, Flight Vehicle System Identification",
-                  (_steps(*_scaled(0.03, CODE_3211), rise_s=0.3, every_s=14.0),)),
-    FlightProfile("elevator_pulse", "pulse of 4 % for 1 s, every 10 s",
+                  (_steps(*_scaled(0.12, CODE_3211), rise_s=0.4, every_s=14.0),)),
+    FlightProfile("elevator_pulse", "pulse of 15 % for 1 s, every 10 s",
                   f"{MIL}, short-period response",
-                  (_steps((1.0, 0.04), (2.0, 0.0), rise_s=0.4, every_s=10.0),)),
-    FlightProfile("elevator_phugoid", "1.5 % at 0.05 Hz", f"{MIL}, phugoid held by altitude hold",
-                  (_sine(0.015, 0.05), _gust(0.002, 4.4))),
-    FlightProfile("elevator_gust", "gusts of 1 % rms, 4.4 s", f"{DRYDEN}, moderate, vertical",
-                  (_gust(0.01, 4.4),)),
-    FlightProfile("elevator_flare", "corrections of 0.6 % rms, flare of 12 % in 5 s",
+                  (_steps((1.0, 0.15), (2.0, 0.0), rise_s=0.5, every_s=10.0),)),
+    FlightProfile("elevator_phugoid", "8 % at 0.05 Hz, gusts of 1 % rms",
+                  f"{MIL}, phugoid held by altitude hold", (_sine(0.08, 0.05), _gust(0.01, 4.4))),
+    FlightProfile("elevator_gust", "gusts of 6 % rms, 4.4 s", f"{DRYDEN}, moderate, vertical",
+                  (_gust(0.06, 4.4),)),
+    FlightProfile("elevator_flare", "corrections of 4 % rms, flare of 20 % in 5 s",
                   "FAA AC 120-28D, approach and flare",
-                  (_gust(0.006, 1.5), _steps((28.0, 0.12), (38.0, 0.02), rise_s=5.0)), load=0.1),
-    FlightProfile("elevator_sweep", "2 % from 0.05 to 1.5 Hz in 60 s", f"{TISCHLER}, 5.2",
-                  (_sweep(0.02, 0.05, 1.5, 60.0),)),
-    FlightProfile("rudder_doublet", "doublet of 4 %, 2 s a side, every 15 s",
+                  (_gust(0.04, 1.5), _steps((28.0, 0.2), (38.0, 0.02), rise_s=5.0)), load=0.1),
+    FlightProfile("elevator_sweep", "8 % from 0.05 to 0.6 Hz in 60 s", f"{TISCHLER}, 5.2",
+                  (_sweep(0.08, 0.05, 0.6, 60.0),)),
+    FlightProfile("rudder_doublet", "doublet of 15 %, 2 s a side, every 15 s",
                   f"{MIL}, Dutch roll",
-                  (_steps((1.0, 0.04), (3.0, -0.04), (5.0, 0.0), rise_s=0.6, every_s=15.0),)),
-    FlightProfile("rudder_engine_failure", "step of 12 % in 0.7 s, held, eased off in 8 s",
+                  (_steps((1.0, 0.15), (3.0, -0.15), (5.0, 0.0), rise_s=0.7, every_s=15.0),)),
+    FlightProfile("rudder_engine_failure", "step of 20 % in 0.7 s, held, eased off in 8 s",
                   "14 CFR 25.149, minimum control speed",
-                  (_steps((10.0, 0.12), rise_s=0.7), _steps((25.0, -0.12), rise_s=8.0),
-                   _gust(0.004, 1.0)), hinge=0.3),
-    FlightProfile("spoiler_deployment", "40 % in 1 s, held for 14 s, back in 2 s, twice",
+                  (_steps((10.0, 0.2), rise_s=0.7), _steps((25.0, -0.2), rise_s=8.0),
+                   _gust(0.03, 2.0)), hinge=0.2),
+    FlightProfile("spoiler_deployment", "40 % in 1 s, held for 14 s, back in 2 s, twice a minute",
                   "14 CFR 25.697, lift and drag devices",
                   (_steps((2.0, 0.4), rise_s=1.0, every_s=30.0),
                    _steps((17.0, -0.4), rise_s=2.0, every_s=30.0)), hinge=0.1),
-    FlightProfile("stabiliser_trim", "ramps of 2 % in 4 s, holds of 8 s",
+    FlightProfile("stabiliser_trim", "ramps of 8 % in 4 s, holds of 8 s",
                   f"{MIL}, trim changes with speed",
-                  (_steps((1.0, 0.02), (13.0, 0.04), (25.0, 0.02), (37.0, 0.0), rise_s=4.0,
+                  (_steps((1.0, 0.08), (13.0, 0.16), (25.0, 0.08), (37.0, 0.0), rise_s=4.0,
                           every_s=49.0),), load=0.3),
-    FlightProfile("collective_bob_up", "6 % up, held for 4 s, down, every 16 s",
+    FlightProfile("collective_bob_up", "20 % up, held for 4 s, down, every 16 s",
                   f"{ADS}, vertical manoeuvre",
-                  (_steps((1.0, 0.06), (2.5, -0.03), (4.0, 0.0), (8.0, -0.05), (9.5, 0.03),
-                          (11.0, 0.0), rise_s=1.0, every_s=16.0),), load=0.2),
-    FlightProfile("cyclic_hover", "corrections of 0.8 % rms, 0.5 s", f"{ADS}, hover",
-                  (_gust(0.008, 0.5),)),
-    FlightProfile("cyclic_pirouette", "2 % in 45 s a turn, corrections of 0.6 % rms",
-                  f"{ADS}, pirouette", (_sine(0.02, 1.0 / 45.0), _gust(0.006, 0.8))),
-    FlightProfile("cyclic_slalom", "5 % each way in 8 s, corrections of 0.4 % rms",
-                  f"{ADS}, slalom", (_sine(0.05, 0.125), _gust(0.004, 0.8))),
-    FlightProfile("pedal_hovering_turn", "turn of 5 % in and out in 10 s, every 20 s",
+                  (_steps((1.0, 0.2), (2.5, -0.1), (4.0, 0.0), (8.0, -0.16), (9.5, 0.1),
+                          (11.0, 0.0), rise_s=1.0, every_s=16.0),), load=0.1),
+    FlightProfile("cyclic_hover", "corrections of 6 % rms, 1 s", f"{ADS}, hover",
+                  (_gust(0.06, 1.0),)),
+    FlightProfile("cyclic_pirouette", "6 % in 45 s a turn, corrections of 4 % rms",
+                  f"{ADS}, pirouette", (_sine(0.06, 1.0 / 45.0), _gust(0.04, 1.2))),
+    FlightProfile("cyclic_slalom", "15 % each way in 8 s, corrections of 2 % rms",
+                  f"{ADS}, slalom", (_sine(0.15, 0.125), _gust(0.02, 1.2))),
+    FlightProfile("pedal_hovering_turn", "turn of 18 % in and out in 10 s, every 20 s",
                   f"{ADS}, hovering turn",
-                  (_steps((1.0, 0.05), (3.0, 0.0), (8.0, -0.05), (10.0, 0.0), rise_s=1.5,
-                          every_s=20.0), _gust(0.003, 0.8))),
+                  (_steps((1.0, 0.18), (3.0, 0.0), (8.0, -0.18), (10.0, 0.0), rise_s=1.5,
+                          every_s=20.0), _gust(0.02, 1.2))),
 )  # fmt: skip
 _BY_NAME = {row.name: row for row in FLIGHT_PROFILES}
 
