@@ -25,7 +25,8 @@ Each seed flies one of the 20 profiles, healthy and with two of ``FAULTS``, in t
 bound of a fault is what the law of the calibration holds on it in that very motion: of the healthy
 run, in the windows of the 10 s of motion after the onset, the size that exceeds the limit of the
 evidence in half of all runs (``core/run_law/visible_sizes.py``). Found: the first detection after
-the onset lies within these 10 s of motion. Motion is a speed above ``MOVES_M_S``.
+the onset lies within these 10 s of motion, and the healthy flight of the seed is quiet. Motion is a
+speed above ``MOVES_M_S``.
 """
 
 from __future__ import annotations
@@ -112,6 +113,11 @@ class Flown:
     group: str = ""
     before: bool = False
     """Whether something was called before the onset."""
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing was called."""
+        return not self.before and math.isnan(self.found_s)
 
 
 def prepare(folder: Path) -> int:
@@ -251,16 +257,17 @@ def _row(diagnoser: Diagnoser, row: Flown, records: Sequence[Record], motion: Ar
 
 def figures_of(rows: Sequence[Flown], seeds: str) -> list[Figure]:
     """Shares of found faults, and of quiet healthy flights."""
-    figures = []
+    figures, alarmed = [], {row.seed for row in rows if not (row.fault or row.quiet)}
     for fault, words in (("", "quiet"), (COUPLED, "quiet while coupled anew")):
         healthy = [row for row in rows if row.fault == fault]
-        quiet = sum(not row.before and not row.found_s >= 0.0 for row in healthy)
-        figures.append(share(f"healthy flights {words}", quiet, len(healthy)))
+        if healthy:
+            quiet = sum(row.quiet for row in healthy)
+            figures.append(share(f"healthy flights {words}", quiet, len(healthy)))
     for fault in ("", *FAULTS):
         mine = [r for r in rows if r.fault in FAULTS and fault in ("", r.fault)]
         mine = [r for r in mine if r.size < r.largest]
         if mine:
-            had = sum(row.found_s <= FOLLOWED_S for row in mine)
+            had = sum(row.found_s <= FOLLOWED_S and row.seed not in alarmed for row in mine)
             figures.append(share(f"found within 10 s of motion: {fault or 'all'}", had, len(mine)))
     return [replace(figure, seed=seeds) for figure in figures]
 
