@@ -218,6 +218,7 @@ class SimulatedStand:
         )
         alike = all(rows.count(rows[0]) == len(rows) for rows in (sizes, held, pulls))
         if not changing and alike:
+            healthy = healthy._replace(coupling_holds=pulls[0])
             return [(STEPS, self._faulty(healthy, sizes[0], held[0], self.time_s))]
         scan_s = self._sampling.scan_s
         return [
