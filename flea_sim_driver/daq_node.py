@@ -92,6 +92,22 @@ class DaqParameters:
     publish_clock: bool = parameter(
         False, "be the clock of a graph with use_sim_time: publish /clock", read_only=True
     )
+    command_topic: str = parameter(
+        "",
+        "topic of std_msgs/Float64 with the commanded position in m, such as the data bus of an "
+        "aircraft; the last one is held while it is silent; empty: the scenario's motion",
+        read_only=True,
+    )
+    load_topic: str = parameter(
+        "", "the same of the commanded load in N; empty: the scenario's load", read_only=True
+    )
+    command_silent_s: float = parameter(
+        1.0,
+        "silence of a command topic after which health warns",
+        unit="s",
+        minimum=0.05,
+        read_only=True,
+    )
     inject: str = parameter(
         "",
         "fault to put in now: jam, jam:0.5 or actuator_position_bias:0.004@loop; empty clears all",
@@ -140,10 +156,13 @@ class Daq:
     """
 
     def __init__(self, bus: Bus[DaqParameters], parameters: DaqParameters) -> None:
+        from flea_sim_driver.data_bus import DataBus
         from flea_sim_driver.stand import SimulatedStand
 
         self._bus, self._parameters = bus, parameters
         self._scenario = _scenario(parameters)
+        topics = {"position": parameters.command_topic, "load": parameters.load_topic}
+        self._data_bus = DataBus(bus, self._scenario, topics, parameters.command_silent_s)
         self._stand = SimulatedStand(self._scenario)
         self._tick_s = max(self._stand.scan_ns * 1e-9 / parameters.rate, 1e-3)
         self._due: deque[Record] = deque()
@@ -200,7 +219,7 @@ class Daq:
 
         # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
         start = None if self._parameters.publish_clock else time.time_ns()
-        self._stand = SimulatedStand(self._scenario, start)
+        self._stand = SimulatedStand(self._scenario, start, self._data_bus.command)
         run = self._scenario.run
         self._bus.info(f"{run.name}: {run.duration_s:g} s, seed {run.seed}")
         self._due.extend(sorted(self._stand.advance(), key=self._offset_ns))
@@ -280,8 +299,9 @@ class Daq:
     def _report(self) -> None:
         late = self._worst_late_s
         self._worst_late_s = 0.0
-        level = Level.OK if late < LATE_S else Level.WARN
-        message = "streaming" if level is Level.OK else f"{late:.3f} s behind its clock"
+        wrong = [f"{late:.3f} s behind its clock"] if late >= LATE_S else []
+        wrong += self._data_bus.wrong()
+        level, message = (Level.WARN, "; ".join(wrong)) if wrong else (Level.OK, "streaming")
         values = (
             ("state", self._bus.state),
             ("scans", str(self._published[Scan])),
@@ -289,6 +309,7 @@ class Daq:
             ("worst_late_ms", f"{late * 1e3:.2f}"),
             ("jitter_p99_ms", f"{self._jitter_s() * 1e3:.2f}"),
             ("inject", self._injected),
+            *self._data_bus.values(),
         )
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, message, values))
 
@@ -354,6 +375,7 @@ def program() -> Program:
             "ros2 run flea_diag daq --ros-args -p scenario:=jam",
             "ros2 run flea_diag daq --ros-args -p fault:=winding_short -p fault_onset_s:=5.0",
             "ros2 param set /daq inject jam:0.5     (while it runs; '' clears)",
+            "ros2 run flea_diag daq --ros-args -p command_topic:=bus/aileron -p duration_s:=3600.0",
         ),
         prepare=prepare,
         check=check,

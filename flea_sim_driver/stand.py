@@ -20,8 +20,9 @@ same blocks in real time. Equal scenario and start give equal bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -40,13 +41,14 @@ from flea_sim_driver.plant.thermal import Temperatures, warmed
 from flea_sim_driver.plant.unit import SimulatedUnit, draw_unit
 from flea_sim_driver.plant.vibration import Vibration
 from flea_sim_driver.scenario.feasibility import checked_fault
-from flea_sim_driver.scenario.holding import GRIPS_S, engaged
+from flea_sim_driver.scenario.holding import GRIPS_S, engaged, magnet_holds_n
 from flea_sim_driver.scenario.profile import commanded
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import FaultSetting
 from flea_sim_driver.schedule import FaultCourse, cleared, courses, on_grid
 
 Array = npt.NDArray[np.float64]
+Command = Callable[[Array], tuple[Array, Array]]
 STEPS = round(BLOCK_S / STEP_S)
 BLOCK_NS = 100_000_000
 LATEST_SHARE = 0.4
@@ -63,6 +65,9 @@ class SimulatedStand:
         A checked scenario.
     start_ns
         Stamp of the first sample; by default the start of the scenario.
+    command
+        Position in m and load in N at times in s after the start, called block by block in place
+        of the motion of the scenario.
 
     Attributes
     ----------
@@ -70,8 +75,11 @@ class SimulatedStand:
         True signals of the latest block; None before the first.
     """
 
-    def __init__(self, scenario: Scenario, start_ns: int | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, start_ns: int | None = None, command: Command | None = None
+    ) -> None:
         self.scenario = scenario
+        self._command = command or partial(commanded, scenario)
         machine, run, sensors = scenario.machine, scenario.run, scenario.sensors
         self._machine, self._sampling = machine, machine.sampling
         self.start_ns = round(run.start_s * 1e9) if start_ns is None else start_ns
@@ -188,13 +196,12 @@ class SimulatedStand:
         scan_s = self._sampling.scan_s
         times = [begin + k * scan_s + 1e-9 for k in range(self._sampling.scans)]
         sizes = [tuple(e.size_at(time, name) for e in self._courses) for time in times]
-        position, load = commanded(
-            self.scenario, np.arange(STEPS, dtype=np.float64) * STEP_S + begin
-        )
+        position, load = self._command(np.arange(STEPS, dtype=np.float64) * STEP_S + begin)
         brake, at_s = self.scenario.brake, np.array(times)
         held = engaged(brake, at_s, GRIPS_S).tolist()
+        pulls = magnet_holds_n(self.scenario.switch, at_s).tolist()
         signals = self._actuator.advance(
-            self._segments(coefficients(unit, self.bench, begin), sizes, held),
+            self._segments(coefficients(unit, self.bench, begin), sizes, held, pulls),
             position,
             load,
             self._disturbance.block(STEPS, float(load[0]), BLOCK_S),
@@ -203,20 +210,22 @@ class SimulatedStand:
         return Block(begin, unit, signals, position, load, self._courses, sizes, told)
 
     def _segments(
-        self, healthy: Coefficients, sizes: list[Sizes], held: list[bool]
+        self, healthy: Coefficients, sizes: list[Sizes], held: list[bool], pulls: list[float]
     ) -> list[tuple[int, Coefficients]]:
         """One stretch of constant coefficients, or one a scan where a fault changes in it."""
         changing = any(
             e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._courses
         )
-        alike = sizes.count(sizes[0]) == len(sizes) and held.count(held[0]) == len(held)
+        alike = all(rows.count(rows[0]) == len(rows) for rows in (sizes, held, pulls))
         if not changing and alike:
+            healthy = healthy._replace(coupling_holds=pulls[0])
             return [(STEPS, self._faulty(healthy, sizes[0], held[0], self.time_s))]
         scan_s = self._sampling.scan_s
         return [
-            (STEPS // len(sizes), self._faulty(healthy, row, brake, self.time_s + k * scan_s))
-            for k, (row, brake) in enumerate(zip(sizes, held, strict=True))
-        ]
+            (STEPS // len(sizes), self._faulty(
+                healthy._replace(coupling_holds=pull), row, brake, self.time_s + k * scan_s))
+            for k, (row, brake, pull) in enumerate(zip(sizes, held, pulls, strict=True))
+        ]  # fmt: skip
 
     def _faulty(
         self, healthy: Coefficients, sizes: Sizes, held: bool, time_s: float

@@ -103,6 +103,15 @@ PAGES = (
         ("remaining_life",),
     ),
     ResultPage(
+        "flight",
+        "Flight",
+        "Twenty control surfaces in small and slow motion ([Flight](../flight.md)), healthy and "
+        "with faults, with the description and calibration that this page asks for. The *bound* "
+        "of a fault is what the law of the calibration holds on it in that very motion; a fault "
+        "counts as found within 10 s of motion, which is a speed above 1 mm/s.",
+        ("flight",),
+    ),
+    ResultPage(
         "baselines",
         "One statistic instead of many tests",
         "The diagnosis (`hybrid`) allows for what a unit is in five places. A baseline, "

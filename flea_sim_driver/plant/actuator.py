@@ -33,6 +33,7 @@ Sizes = tuple[float | None, ...]
 
 
 HEALTHY: dict[str, float] = {
+    "coupling_holds": math.inf,
     "eccentric": 0.0,
     "spall": 0.0,
     "slip": 0.0,
@@ -54,7 +55,7 @@ HEALTHY: dict[str, float] = {
     "force_feedback_offset": 0.0,
     "force_feedback_noise": 0.0,
 }
-"""What only faults change."""
+"""What only faults change, or a magnet that has just been switched on."""
 
 
 def coefficients(unit: SimulatedUnit, bench: Bench, time_s: float = 0.0) -> Coefficients:

@@ -78,6 +78,7 @@ class Coefficients(NamedTuple):
     force_feedback_noise: float
     coupling_stiffness: float
     coupling_damping: float
+    coupling_holds: float
     load_mass: float
     weight: float
     link_moment: float

@@ -116,12 +116,18 @@ def _drive(
 
 
 def _coupling_force(c: Any, gap: float, closing: float) -> float:
-    """Backlash, then a spring and a damper that can only push."""
+    """Backlash, then a spring and a damper that can only push.
+
+    One way the armature is pushed against its magnet, the other way the magnet has to hold it: by
+    no more than its pull, beyond which a gap opens until the pull closes it; that the pull falls
+    with the gap is neglected.
+    """
     half = 0.5 * c.backlash
     if gap > half:
         return max(c.coupling_stiffness * (gap - half) + c.coupling_damping * closing, 0.0)
     if gap < -half:
-        return min(c.coupling_stiffness * (gap + half) + c.coupling_damping * closing, 0.0)
+        force = min(c.coupling_stiffness * (gap + half) + c.coupling_damping * closing, 0.0)
+        return max(force, -c.coupling_holds)
     return 0.0
 
 

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a holding brake is engaged, and how the motion waits for it."""
+"""What holds when: a brake, for which the motion waits, and the magnet of the coupling."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_sim_driver.scenario.settings import Brake
+from flea_sim_driver.scenario.settings import Brake, Switch
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -41,6 +41,23 @@ def motion_time(brake: Brake, time_s: Array) -> Array:
     if brake.for_s <= 0.0:
         return time_s
     return np.asarray(time_s - _waited(brake, time_s) + _waited(brake, np.zeros(1))[0])
+
+
+MAGNET_RISES = 12.0
+"""Time constants after which the pull is taken for the whole one."""
+
+
+def magnet_holds_n(switch: Switch, time_s: Array) -> Array:
+    """Pull of the magnet in N, shape (n,); infinite while it is not the coupling's limit.
+
+    Its current rises by 1 - exp(-t R / L), and its pull with the square of the current.
+    """
+    since = time_s - switch.at_s
+    if switch.at_s < 0.0 or switch.magnet_s == 0.0:
+        return np.full_like(time_s, np.inf)
+    rises = since / switch.magnet_s
+    pull = switch.magnet_n * np.square(-np.expm1(-np.maximum(rises, 0.0)))
+    return np.where((since >= 0.0) & (rises < MAGNET_RISES), pull, np.inf)
 
 
 def _since(brake: Brake, time_s: Array) -> Array:

@@ -29,8 +29,10 @@ from flea_sim_driver.machine.library import (
     config_folders,
     find_machine,
 )
+from flea_sim_driver.scenario.flight_profiles import is_profile
+from flea_sim_driver.scenario.flights import flight_scenario
 from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.scenario_file import load_scenario
+from flea_sim_driver.scenario.scenario_file import load_scenario, machine_path
 
 
 def _folder(machine: str) -> str:
@@ -61,6 +63,8 @@ def find_scenario(name_or_path: str, machine: str = "") -> Scenario:
     machine
         Replaces that of the scenario if it is given; a name is then that of its own scenario.
 
+    A flight profile is a scenario by its name, on any machine.
+
     Raises
     ------
     ConfigurationError
@@ -75,9 +79,12 @@ def find_scenario(name_or_path: str, machine: str = "") -> Scenario:
             return load_scenario(candidate, machine)
     if path.is_file():
         return load_scenario(path, machine)
+    if is_profile(name_or_path):
+        return flight_scenario(name_or_path, machine=machine_path(machine or DEFAULT_MACHINE))
     if machine:
         find_machine(machine)  # without the machine no scenario is to blame
     named = ", ".join(scenario_names(machine)) or "the installed ones (none found)"
     raise ConfigurationError(
-        f"scenario {shown(name_or_path)} is neither a YAML file nor one of {named}"
+        f"scenario {shown(name_or_path)} is neither a YAML file, nor a flight profile of --list, "
+        f"nor one of {named}"
     )

@@ -32,6 +32,7 @@ from flea_sim_driver.machine.library import SUFFIXES, find_machine
 from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.scenario.feasibility import checked_scenario
 from flea_sim_driver.scenario.flight import Flight, read_flight
+from flea_sim_driver.scenario.flight_profiles import find_profile
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.section import SECTIONS, SPREAD, section, section_class
 from flea_sim_driver.scenario.settings import FaultSetting, Motion, RunSettings
@@ -58,7 +59,7 @@ def scenario_from_mapping(content: object, where: str, folder: Path = Path()) ->
     settings = read_as(
         tuple[FaultSetting, ...], values.get("faults", []), f"{where}: faults", magnitudes=FINITE
     )
-    flight = _flight(sections["motion"], machine, where, folder)
+    flight = _flight(sections["motion"], run, machine, where, folder)
     return checked_scenario(
         Scenario(machine, run, faults=settings, flight=flight, **sections), where
     )
@@ -72,11 +73,18 @@ def _machine(run: RunSettings, folder: Path) -> tuple[Machine, RunSettings]:
     return find_machine(run.machine), run
 
 
-def _flight(motion: Motion, machine: Machine, where: str, folder: Path) -> Flight | None:
+def _flight(
+    motion: Motion, run: RunSettings, machine: Machine, where: str, folder: Path = Path()
+) -> Flight | None:
     if motion.kind != "flight":
         return None
+    if motion.profile:
+        return find_profile(motion.profile).flight(machine.limits, run.seed, run.duration_s)
     if not motion.file:
-        raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV or a bag")
+        raise ConfigurationError(
+            f"{where}: motion.file and motion.profile are empty, a flight needs a CSV, a bag or a "
+            "profile"
+        )
     return read_flight(folder / motion.file, machine.limits, fit=motion.fit)
 
 
@@ -102,8 +110,10 @@ def overridden(
     """
     plain = build(RunSettings, {**asdict(scenario.run), **run}, where)
     more = () if fault is None else (build(FaultSetting, fault, where),)
-    faults = (*scenario.faults, *more)
-    return checked_scenario(replace(scenario, run=plain, faults=faults), where)
+    changed = replace(scenario, run=plain, faults=(*scenario.faults, *more))
+    if scenario.motion.profile:
+        changed = replace(changed, flight=_flight(scenario.motion, plain, scenario.machine, where))
+    return checked_scenario(changed, where)
 
 
 def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:

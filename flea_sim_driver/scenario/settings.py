@@ -47,6 +47,7 @@ class Motion:
         0.5, "time over which motion and load swell from rest", unit="s", minimum=0.05, maximum=60.0
     )
     file: str = parameter("", "flight: a CSV with time_s, position_m, load_N, or a bag")
+    profile: str = parameter("", "flight: a control surface of --list, in place of a file")
     fit: bool = parameter(False, "scale a flight into stroke and load limits")
 
 
@@ -116,6 +117,16 @@ class Switch:
 
     at_s: float = parameter(-1.0, "time of the change, -1: never", unit="s", minimum=-1.0)
     to: str = parameter("X", "test actuator in use from then on", choices=("X", "Y"))
+    magnet_s: float = parameter(
+        0.0,
+        "time constant L/R of the electromagnet that couples it to the load, 0: held at once",
+        unit="s",
+        minimum=0.0,
+        maximum=2.0,
+    )
+    magnet_n: float = parameter(
+        2000.0, "pull of the magnet in the end", unit="N", minimum=100.0, maximum=1e5
+    )
 
 
 @dataclass(frozen=True)

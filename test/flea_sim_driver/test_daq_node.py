@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 
@@ -167,3 +168,29 @@ def test_a_graph_on_simulated_time_goes_by_the_stands_clock(domain: int) -> None
     scans = [record.stamp_ns for record in peer.records if isinstance(record, Scan)]
     assert abs(scans[0] - DEFAULT_EPOCH_S * NANOSECONDS) < NANOSECONDS
     assert scans[0] < told.stamp_ns < scans[-1] + NANOSECONDS
+
+
+def test_the_stand_follows_what_the_data_bus_commands(domain: int) -> None:
+    """Positions of a topic move the stand; what is out of reach is refused, silence is told."""
+    from std_msgs.msg import Float64
+
+    command = daq("scenario:=hold", "duration_s:=60.0", "wait_for_subscribers:=1",
+                  "command_topic:=bus/aileron", "command_silent_s:=0.5")  # fmt: skip
+    with Process(command, domain) as child, Peer(domain) as peer:
+        peer.listen(Scan, Health)
+        start = peer.find(lambda r: isinstance(r, Scan)).value("load_position")
+        peer.find(lambda r: isinstance(r, Health) and "no position command yet" in r.message)
+        sender = peer.node.create_publisher(Float64, "bus/aileron", 10)
+        peer.until(lambda: sender.get_subscription_count() == 1)
+        for wanted in (math.nan, 0.2, start + 0.01):
+            sender.publish(Float64(data=wanted))
+        peer.find(
+            lambda r: isinstance(r, Scan) and abs(r.value("load_position") - start - 0.01) < 1e-3
+        )
+        told = peer.find(lambda r: isinstance(r, Health) and "s: the last one is held" in r.message)
+        assert child.signal(signal.SIGINT, signal.SIGINT) == 0
+    assert dict(told.values)["position_commands/taken"] == "1"
+    assert dict(told.values)["position_commands/refused"] == "2"
+    speeds = np.abs(np.diff([r.value("commanded_position") for r in peer.records
+                             if isinstance(r, Scan)])) / 0.01  # fmt: skip
+    assert 0.05 < speeds.max() < 0.12

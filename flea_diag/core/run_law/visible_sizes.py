@@ -111,7 +111,7 @@ def size_errors(
 ) -> SizeErrors:
     """Standard errors of the sizes of all faults in each recording."""
     chosen = runs[:: -(-len(runs) // MOST_RUNS)]
-    grams = [(_onset_gram(law, columns, faults, run), _gram(law, columns, faults, run, 0))
+    grams = [(_onset_gram(law, columns, faults, run), information(law, columns, faults, run))
              for run in chosen]  # fmt: skip
     onset, before = (np.array([np.diag(each[k]) for each in grams]) for k in (0, 1))
     beside, alike = _beside(np.array([each[0] for each in grams]), faults)
@@ -121,13 +121,16 @@ def size_errors(
 def _onset_gram(law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows) -> Array:
     onset = int(BEFORE * len(run))
     followed = run.part(slice(0, onset + round(FOLLOWED_S / WINDOW_S)))
-    return _gram(law, columns, faults, followed, onset)
+    return information(law, columns, faults, followed, onset)
 
 
-def _gram(
-    law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows, onset: int
+def information(
+    law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows, onset: int = 0
 ) -> Array:
-    """Information on the sizes, what recordings differ by integrated out, (faults, faults)."""
+    """Information on sizes from a window on, what recordings differ by integrated out.
+
+    Shape (faults, faults), in 1 over the units of both sizes.
+    """
     spread = law.spread()
     total = np.diag(spread.variance) + spread.covariance
     scale = np.sqrt(np.diag(total))

@@ -30,18 +30,21 @@ if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
 
 NAME = "scenarios"
-SUMMARY = "write scenarios of the paper's Table 1 or Table 4 as files, optionally as bags"
+SUMMARY = (
+    "write scenarios of the paper's tables, or of surfaces in flight, as files, optionally as bags"
+)
 EXAMPLES = """\
 examples:
   flea scenarios table4 --seed 7 -o scenarios         write 320 YAML files
   flea scenarios table4 --seed 7 -o runs --bags       and simulate each into a bag
   flea scenarios table1 -o modes --bags               each of the 25 failure modes
+  flea scenarios flight -o flown --bags               20 control surfaces in flight
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea scenarios``."""
-    parser.add_argument("set", choices=("table1", "table4"), help="set of scenarios")
+    parser.add_argument("set", choices=("table1", "table4", "flight"), help="set of scenarios")
     parser.add_argument("--seed", type=int, default=1, help="seed of all draws (1)")
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="folder to write to"
@@ -54,11 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the files; return 0 when all are written."""
     from flea_sim_driver.failure_modes import table1
+    from flea_sim_driver.scenario.flights import flights
     from flea_sim_driver.scenario.table4 import table4
 
     if arguments.seed < 0:
         raise ConfigurationError(f"scenarios: --seed = {arguments.seed} is below its limit 0")
-    scenarios = {"table1": table1, "table4": table4}[arguments.set](arguments.seed)
+    sets = {"table1": table1, "table4": table4, "flight": flights}
+    scenarios = sets[arguments.set](arguments.seed)
     write_files(scenarios, arguments.output)
     say(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
     if arguments.bags:

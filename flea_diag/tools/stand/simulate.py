@@ -167,6 +167,7 @@ def _print_catalogue(named: str) -> None:
     from flea_sim_driver.failure_modes import FAILURE_MODES
     from flea_sim_driver.faults import catalogue
     from flea_sim_driver.machine.library import DEFAULT_MACHINE, find_machine, machine_names
+    from flea_sim_driver.scenario.flight_profiles import FLIGHT_PROFILES
     from flea_sim_driver.scenario.library import scenario_names
 
     machine = find_machine(named or DEFAULT_MACHINE)
@@ -184,6 +185,9 @@ def _print_catalogue(named: str) -> None:
         )
     if machine.name != DEFAULT_MACHINE:
         return
+    say("control surfaces in flight (flea scenarios flight writes them; motion.profile):")
+    for row in FLIGHT_PROFILES:
+        say(f"  {row.name:24} {row.shape}; {row.source}")
     say("failure modes of the paper's Table 1 (flea scenarios table1 writes them):")
     for mode in FAILURE_MODES:
         say(f"  {mode.component}, {mode.mode} ({mode.approach}): {mode.shown}")
