@@ -48,7 +48,7 @@ from flea_diag.configuration.component import make_observer
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.likelihood.fit import SizeError
-from flea_diag.core.prognosis.forecast import forecast
+from flea_diag.core.prognosis.forecast import GAIN, SHARES, forecast
 from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
 from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
@@ -65,7 +65,6 @@ SCORED_SEED = 4600
 NEW, LIVED, DRAWN = 3, 16, 40
 """Recordings of a unit as new, of its wear as simulated, and as drawn."""
 RECORDED_S, BEGINS, ALPHA, HALF = 40.0, (0.05, 0.25), 0.2, 0.5
-SHARES = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True)
@@ -183,7 +182,8 @@ def drawn(number: int, own: float, shared: float, seed: int) -> Life:
     low, high = law.straight(draw.uniform(*BEGINS)), law.straight(1.0)
     times = np.arange(-NEW, int(end) + 1)
     sizes = np.where(times < 0, 0.0, law.size(low + np.maximum(times, 0) / end * (high - low)))
-    found = sizes + own * draw.normal(size=len(times)) + shared * unit
+    gain = 1.0 + GAIN * float(draw.normal())
+    found = gain * sizes + own * draw.normal(size=len(times)) + shared * unit
     every = SizeSeries.of(times.tolist(), found.tolist(), [SizeError(own, (shared,))] * len(times))
     return Life("drawn", law.name, 1.0, end, every.part(slice(NEW)), every.part(slice(NEW, None)))
 
@@ -199,8 +199,8 @@ def foretold(life: Life, laws: Sequence[GrowthLaw] = LAWS) -> tuple[list[Foretol
         shown = time if shown is None else shown
         found = forecast(so_far, laws)
         if found is not None and time < life.end:
-            quantiles = found.quantiles(found.crossing_s(life.limit), SHARES)
-            made.append(Foretold(time, *quantiles))
+            end = found.crossing(life.limit)
+            made.append(Foretold(time, end.low_s, end.median_s, end.high_s))
     return made, shown
 
 
