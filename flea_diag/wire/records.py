@@ -461,7 +461,7 @@ def _verdict(said: Hypotheses | AmbiguityGroup) -> Verdict:
 class SizeAt:
     """Size at one time, with the standard error of each by itself; unit of the size."""
 
-    stamp_ns: int
+    at_ns: int
     size: float
     sigma: float
 

@@ -42,7 +42,7 @@ from flea_diag.web.view import PANELS, View
 from flea_diag.wire.records import NEVER_NS, Record
 
 ORDER = (
-    "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
+    "answer", "group", "symbols", "growth", "residual", "causes", "tree", "episodes", "channel", "vibration",
     "quality", "streams", "judged",
 )  # fmt: skip
 """Order of the page: verdict, evidence, history, status of the stand."""
