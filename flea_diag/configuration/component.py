@@ -245,9 +245,7 @@ def _extractor(stand: Stand, values: Any) -> ExtractorStage:
 
 def _diagnoser(stand: Stand, values: Any) -> Pipeline:
     isolator = _isolator(stand, values, in_process=True)
-    return Pipeline(
-        (_observer(stand, values), isolator, _extractor(stand, values), _sizes(stand))
-    )
+    return Pipeline((_observer(stand, values), isolator, _extractor(stand, values), _sizes(stand)))
 
 
 def evidence_pipeline(known: EvidenceStand, stand: Stand, **given: Any) -> Pipeline:

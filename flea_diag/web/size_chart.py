@@ -89,8 +89,7 @@ def _axes(trend: SizeTrend, x: Place, y: Place, end_ns: int) -> Markup:
 def _sizes(trend: SizeTrend, x: Place, y: Place) -> Markup:
     """A bar of 90 % for each size by its own error, and a line through the sizes."""
     bars = "".join(
-        f"M{x(at.at_ns):.1f} {y(at.size - _half(at.sigma)):.1f}"
-        f"V{y(at.size + _half(at.sigma)):.1f}"
+        f"M{x(at.at_ns):.1f} {y(at.size - _half(at.sigma)):.1f}V{y(at.size + _half(at.sigma)):.1f}"
         for at in trend.sizes
     )
     line = "L".join(f"{x(at.at_ns):.1f} {y(at.size):.1f}" for at in trend.sizes)

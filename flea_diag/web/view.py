@@ -39,7 +39,7 @@ from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Scan
 MOST_IN_TREE = 8
 """Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
 NO_EPISODE = later("No episode is open.")
-NO_SIZE = later("No size is followed: it takes 25 s of motion in an open episode.")
+NO_SIZE = later("No size is followed: it takes 20 s of motion in an open episode.")
 NO_HYPOTHESES = later("No message on hypotheses yet, which holds the course of the episode.")
 PATHS = later(
     "Highlighted: shortest path in the model from each possible cause (◆) to the residual that it "

@@ -330,8 +330,9 @@ class Recurrence:
 
     ``present_s`` is the time for which it was there, 0 where it never lasted for longer than
     ``shortest_s``, the shortest time that can be told; ``absent_s`` that for which it would have
-    shown and did not. ``every_s`` is its rhythm and ``place`` where along the stroke it comes (m);
-    NaN: it has none.
+    shown and did not, ``unseen_s`` that for which it could not have: with what it did then it has
+    come ``most`` times at most. ``every_s`` is its rhythm and ``place`` where along the stroke it
+    comes, in ``place_unit``; NaN: it has none.
     """
 
     count: int
@@ -342,6 +343,9 @@ class Recurrence:
     shortest_s: float
     every_s: float = math.nan
     place: float = math.nan
+    place_unit: str = "m"
+    unseen_s: float = 0.0
+    most: int = 0
 
     @property
     def duty(self) -> float:

@@ -166,7 +166,9 @@ def _size_trend(told: r.SizeTrend, _: None) -> Words:
     if told.median_ns == r.NEVER_NS:
         return Words(Level.OK, "size_trend", said)
     left_s = (told.median_ns - told.stamp_ns) / 1e9
-    return Words(Level.WARN, "size_trend", f"{said}, limit {told.limit:.3g}{unit} in {left_s:.3g} s")
+    return Words(
+        Level.WARN, "size_trend", f"{said}, limit {told.limit:.3g}{unit} in {left_s:.3g} s"
+    )
 
 
 def _truth(truth: r.Truth, _: None) -> Words:

@@ -63,8 +63,8 @@ REACH = 8.0
 class LimitCrossing:
     """When a limit is reached: the quantiles ``SHARES`` in s on the clock of the series.
 
-    Infinite: never. ``crossed`` is the probability that it was at the last recording, ``never`` that
-    it is never.
+    Infinite: never. ``crossed`` is the probability that it was at the last recording, ``never``
+    that it never is.
     """
 
     limit: float
@@ -105,7 +105,8 @@ class Forecast:
         weights = np.tile(self.weights / len(GAINS), len(GAINS))
         crossed = float(weights[times <= self.start_s + self.span_s].sum())
         never = float(weights[np.isinf(times)].sum())
-        return LimitCrossing(limit, *_quantiles(times, weights, SHARES), crossed, never)
+        low_s, median_s, high_s = _quantiles(times, weights, SHARES)
+        return LimitCrossing(limit, low_s, median_s, high_s, crossed, never)
 
     def sizes_at(self, time_s: float) -> Array:
         """Size of each at a time."""

@@ -47,9 +47,6 @@ Records = tuple[Record, ...]
 
 FOLLOWED = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 """Outcomes whose most probable fault with a size is followed."""
-FROM_S = 5.0
-"""After the first verdict that names it: longer than a block of a replay, so that it comes to the
-same scan by scan."""
 EACH_S = 20.0
 """Of the motion of one size at first: some pieces by whose scatter its error is known."""
 MOST_KEPT = 64
@@ -66,6 +63,8 @@ class SizeWatch:
 
     def __init__(self, knowledge: Knowledge) -> None:
         self._k = knowledge
+        self._latest: ResidualBlock | None = None
+        """A verdict comes after the block of its evidence, which may go on beyond it."""
         self.reset()
 
     def reset(self) -> Records:
@@ -77,25 +76,26 @@ class SizeWatch:
     def handle(self, record: Record) -> Records:
         """Take one residual or verdict."""
         if isinstance(record, AmbiguityGroup):
-            self._follow(record)
-            return ()
+            return self._follow(record)
         assert isinstance(record, Residual)
+        self._latest = None
         return self._add(block_of(record)) if self._sizes is not None else ()
 
     def handle_block(self, block: ResidualBlock) -> tuple[int, Records]:
         """Take n residuals."""
+        self._latest = block
         return len(block), self._add(block) if self._sizes is not None else ()
 
-    def _follow(self, group: AmbiguityGroup) -> None:
+    def _follow(self, group: AmbiguityGroup) -> Records:
         if group.outcome not in FOLLOWED or group.comes_and_goes:
-            self.reset()
-            return
+            return self.reset()
         sized = [member.fault for member in group.members if math.isfinite(member.size)]
         if self._episode == group.episode and self._fault in sized:
-            return
+            return ()
         self.reset()
         if sized:
             self._begin(sized[0], group)
+        return self._add(self._latest) if self._sizes is not None and self._latest else ()
 
     def _begin(self, fault: str, group: AmbiguityGroup) -> None:
         try:
@@ -104,7 +104,7 @@ class SizeWatch:
             return  # its size is that of a feature
         self._fault, self._episode = fault, group.episode
         self._each_ns = round(EACH_S * 1e9)
-        self._next_ns = group.stamp_ns + round(FROM_S * 1e9) + self._each_ns
+        self._next_ns = group.stamp_ns + self._each_ns
         self._of: RecordingSize | None = None
         self._middles_ns: list[int] = []
         self._series: SizeSeries | None = None
@@ -113,7 +113,7 @@ class SizeWatch:
     def _add(self, block: ResidualBlock) -> Records:
         assert self._sizes is not None
         said: list[Record] = []
-        late = block.stamps_ns >= self._next_ns - self._each_ns
+        late = block.stamps_ns > self._next_ns - self._each_ns
         block = block.part(slice(int(late.argmax()) if late.any() else len(block), None))
         while len(block):
             inside = int(np.searchsorted(block.stamps_ns, self._next_ns))
@@ -156,15 +156,18 @@ class SizeWatch:
         even = len(s) // 2 * 2
         weights = np.square(1.0 / s.own[:even]).reshape(-1, 2)
         total = weights.sum(axis=1)
-        mean = lambda of: np.einsum("kt,kt...->k...", weights / total[:, None], of)  # noqa: E731
+        weights = weights / total[:, None]
         stamps = np.array(self._middles_ns[:even]).reshape(-1, 2)
         halved = SizeSeries(
             np.zeros(even // 2),
-            mean(s.sizes[:even].reshape(-1, 2)),
+            (weights * s.sizes[:even].reshape(-1, 2)).sum(axis=1),
             1.0 / np.sqrt(total),
-            mean(s.from_unit[:even].reshape(even // 2, 2, -1)),
+            np.einsum("kt,ktd->kd", weights, s.from_unit[:even].reshape(even // 2, 2, -1)),
         )
-        self._middles_ns = [*stamps.mean(axis=1).astype(np.int64).tolist(), *self._middles_ns[even:]]
+        self._middles_ns = [
+            *(stamps.sum(axis=1) // 2).tolist(),
+            *self._middles_ns[even:],
+        ]
         self._each_ns *= 2
         return _joined(halved, s.part(slice(even, None)))
 
@@ -206,7 +209,9 @@ def _level(line: Trend, at_s: float) -> tuple[float, float]:
     if math.isnan(line.slope):
         return line.level, line.level_sigma
     since_s = at_s - line.middle
-    return line.level + line.slope * since_s, math.hypot(line.level_sigma, line.slope_sigma * since_s)
+    return line.level + line.slope * since_s, math.hypot(
+        line.level_sigma, line.slope_sigma * since_s
+    )
 
 
 def _with_crossing(told: SizeTrend, found: Forecast, start_ns: int) -> SizeTrend:

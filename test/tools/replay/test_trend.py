@@ -96,7 +96,9 @@ def test_only_the_serial_that_is_asked_for_and_a_line_an_estimate(
     assert {row["outcome"] for row in rows} == {"ISOLATED"}, "one line an episode, its last word"
 
 
-def test_a_trend_is_drawn(bags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_trend_is_drawn(
+    bags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("matplotlib")
     target = tmp_path / "trend.svg"
     assert flea(["trend", *bags, "--plot", str(target), "--limit", "40"]) == 0
