@@ -17,8 +17,8 @@
 python bench/faults/contacts.py --first 9700 --runs 30 --json FILE
 
 Each run is of a unit of its own on one of three machines, 60 s in a motion that is drawn as those
-of the calibrations are: an opening of the winding or of the supply that lasts for 0.1 to 0.6 s and is
-gone for 0.8 to 3 s, some regular and some at random. The truth is how often it came between the
+of the calibrations are: an opening of the winding or of the supply that lasts for 0.1 to 0.6 s and
+is gone for 0.8 to 3 s, some regular and some at random. The truth is how often it came between the
 first and the last time that were told; what the diagnosis says is how often it was seen, and how
 often it may have come with the time in which the motion could not show it.
 """

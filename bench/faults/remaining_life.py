@@ -19,12 +19,12 @@ python bench/faults/remaining_life.py score sizes.json --json FILE
 
 ``measure`` simulates units of their own, as new and then with a fault that grows from recording to
 recording. A unit has one motion, that of its test; each recording has a load, a room and noise of
-its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of
-each after every recording. It does so besides for 100 units whose sizes are drawn with errors like
+its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of each
+after every recording. It does so besides for 100 units whose sizes are drawn with errors like
 those: 40 recordings from the first with a fault to its end, and 8, each law in turn. The fault
-grows from 5 to 25 % of the limit; the first forecast is that after the first recording in which growth is
-shown. Where progpy is installed it foretells the drawn units as well, with an unscented Kalman
-filter that is told by which law they grow.
+grows from 5 to 25 % of the limit; the first forecast is that after the first recording in which
+growth is shown. Where progpy is installed it foretells the drawn units as well, with an unscented
+Kalman filter that is told by which law they grow.
 """
 
 from __future__ import annotations
