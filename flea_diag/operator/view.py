@@ -25,7 +25,6 @@ from flea_diag.operator import (
     alarm_view,
     evidence_view,
     judgement_view,
-    size_view,
     stand_view,
     verdict_view,
 )
@@ -39,7 +38,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
         verdict_view.verdict(state, now_ns),
         action_view.to_do(state),
         verdict_view.possible(state),
-        size_view.growth(state),
+        evidence_view.growth(state),
         advice_view.next_tests(state),
         verdict_view.steps(state),
         verdict_view.dropped(state),

@@ -19,9 +19,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from flea_diag.operator.evidence_view import level_of, said
 from flea_diag.operator.panel import clock
 from flea_diag.operator.quantity import number
-from flea_diag.operator.size_view import level_of, said
 from flea_diag.operator.words import tr
 from flea_diag.web.markup import Markup, joined, path, tag, text
 from flea_diag.web.panels import CLASS

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from flea_diag.operator.size_view import followed
+from flea_diag.operator.evidence_view import followed
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.words import later, tr

@@ -21,8 +21,8 @@ from dataclasses import replace
 
 from support.verdicts import NOMINAL, START, group, shown
 
+from flea_diag.operator.evidence_view import growth
 from flea_diag.operator.panel import clock
-from flea_diag.operator.size_view import growth
 from flea_diag.operator.view import page, view
 from flea_diag.web.size_chart import size_chart
 from flea_diag.wire.records import NEVER_NS, Level, Outcome, SizeAt, SizeTrend
