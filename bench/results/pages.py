@@ -89,7 +89,8 @@ PAGES = (
         "the final group, and the group holds nothing but what the campaign states beforehand.",
         ("machine_ema", "machine_wing", "fresh_ema", "fresh_wing", "machine_joint", "bound_ema",
          "bound_wing", "healthy", "travel_wing", "units", "jam_ladder", "rates", "sensors",
-         "foreign_hoist", "foreign_arm", "foreign_hoist_payload", "foreign_arm_payload"),
+         "foreign_hoist", "foreign_arm", "foreign_hoist_payload", "foreign_arm_payload",
+         "contacts"),
     ),
     ResultPage(
         "remaining_life",
