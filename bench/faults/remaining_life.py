@@ -19,12 +19,12 @@ python bench/faults/remaining_life.py score sizes.json --json FILE
 
 ``measure`` simulates units of their own, as new and then with a fault that grows from recording to
 recording. A unit has one motion, that of its test; each recording has a load, a room and noise of
-its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of
-each after every recording. It does so besides for 100 units whose sizes are drawn with errors like
-those: 40 recordings from the first with a fault to its end, each law in turn. The fault grows from
-5 to 25 % of the limit; the first forecast is that after the first recording in which growth is
-shown. Where progpy is installed it foretells the drawn units as well, with an unscented Kalman
-filter that is told by which law they grow.
+its own. Kept are the sizes that ``flea trend --fault`` finds. ``score`` foretells the end of each
+after every recording. It does so besides for 100 units whose sizes are drawn with errors like
+those: 40 recordings from the first with a fault to its end, and 8, each law in turn. The fault
+grows from 5 to 25 % of the limit; the first forecast is that after the first recording in which
+growth is shown. Where progpy is installed it foretells the drawn units as well, with an unscented
+Kalman filter that is told by which law they grow.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from flea_diag.configuration.component import make_observer
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.likelihood.fit import SizeError
-from flea_diag.core.prognosis.forecast import forecast
+from flea_diag.core.prognosis.forecast import GAIN, SHARES, forecast
 from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
 from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
@@ -61,11 +61,12 @@ from flea_diag.wire.records import Residual, Truth
 from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.stand import SimulatedStand
 
-SCORED_SEED = 4600
-NEW, LIVED, DRAWN = 3, 16, 40
-"""Recordings of a unit as new, of its wear as simulated, and as drawn."""
+SCORED_SEED = 7600
+NEW, LIVED, DRAWN, FEW = 3, 16, 40, 8
+"""Recordings of a unit as new, of its wear as simulated, and as drawn, many and few."""
+MOST_BESIDE = 10
+"""Forecasts of a life of many recordings that progpy is asked for."""
 RECORDED_S, BEGINS, ALPHA, HALF = 40.0, (0.05, 0.25), 0.2, 0.5
-SHARES = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True)
@@ -176,14 +177,15 @@ def life_of(unit: dict[str, Any]) -> Life:
     return Life(unit["kind"], unit["law"], unit["limit"], unit["end"], series(new), series(worn))
 
 
-def drawn(number: int, own: float, shared: float, seed: int) -> Life:
+def drawn(number: int, own: float, shared: float, seed: int, count: int) -> Life:
     """A unit whose sizes are drawn; own and shared errors in shares of the limit."""
-    draw, law = np.random.default_rng((seed, 100, number)), LAWS[number % len(LAWS)]
-    end, unit = float(draw.uniform(0.8, 1.0)) * DRAWN, float(draw.normal())
+    draw, law = np.random.default_rng((seed + number, count)), LAWS[number % len(LAWS)]
+    end, unit = float(draw.uniform(0.8, 1.0)) * count, float(draw.normal())
     low, high = law.straight(draw.uniform(*BEGINS)), law.straight(1.0)
     times = np.arange(-NEW, int(end) + 1)
     sizes = np.where(times < 0, 0.0, law.size(low + np.maximum(times, 0) / end * (high - low)))
-    found = sizes + own * draw.normal(size=len(times)) + shared * unit
+    gain = 1.0 + GAIN * float(draw.normal())
+    found = gain * sizes + own * draw.normal(size=len(times)) + shared * unit
     every = SizeSeries.of(times.tolist(), found.tolist(), [SizeError(own, (shared,))] * len(times))
     return Life("drawn", law.name, 1.0, end, every.part(slice(NEW)), every.part(slice(NEW, None)))
 
@@ -199,8 +201,8 @@ def foretold(life: Life, laws: Sequence[GrowthLaw] = LAWS) -> tuple[list[Foretol
         shown = time if shown is None else shown
         found = forecast(so_far, laws)
         if found is not None and time < life.end:
-            quantiles = found.quantiles(found.crossing_s(life.limit), SHARES)
-            made.append(Foretold(time, *quantiles))
+            end = found.crossing(life.limit)
+            made.append(Foretold(time, end.low_s, end.median_s, end.high_s))
     return made, shown
 
 
@@ -235,33 +237,34 @@ def by_progpy(life: Life, seed: int, until: int) -> Foretold:
         def threshold_met(self, x: Any) -> Any:
             return {"limit": x["size"] >= limit}
 
-    model = Growth(measurement_noise={"size": own}, process_noise={"size": 0.1 * own, "rate": 0.0})
+    model = Growth(measurement_noise={"size": own}, process_noise=0.0)
     first = max(float(worn.sizes[0]), own)
-    rate = (
-        max(float(worn.sizes[-1] - worn.sizes[0]), own) / float(worn.times[-1]) / limit**law.power
-    )
+    last = max(float(worn.sizes[-1]), 2.0 * own)
+    rate = float(law.straight(max(last, first + own)) - law.straight(first)) / float(worn.times[-1])
     start = MultivariateNormalDist(
         ["size", "rate"], [first, rate], np.diag([own**2, rate**2])
     )  # fmt: skip
-    known = UnscentedKalmanFilter(model, start)
+    # Its own default noises are of no scale; these let it follow, and tell it the true one.
+    known = UnscentedKalmanFilter(
+        model, start, Q=np.diag([(0.1 * own) ** 2, (0.01 * rate) ** 2]), R=np.diag([own**2])
+    )
     for time, size in zip(worn.times[1:].tolist(), worn.sizes[1:].tolist(), strict=True):
         known.estimate(time, model.InputContainer({}), model.OutputContainer({"size": size}))
     made_at = float(worn.times[-1])
     result = MonteCarlo(model).predict(
         known.x, lambda _t, _x=None: model.InputContainer({}), t0=made_at, dt=0.5,
-        n_samples=50, horizon=3.0 * DRAWN, events=["limit"],
+        n_samples=50, horizon=made_at + 3.0 * life.end, events=["limit"],
     )  # fmt: skip
     ends = [e["limit"] for e in result.time_of_event]
     times = np.array([np.inf if end is None else end for end in ends], dtype=float)
     return Foretold(made_at, *np.quantile(times, SHARES, method="inverted_cdf").tolist())
 
 
-def scored(lives: Sequence[Life], name: str, known_law: bool = False) -> list[Figure]:
+def scored(lives: Sequence[Life], name: str) -> list[Figure]:
     """Shares of the units, and of all forecasts."""
     right, covered, every, horizons, shown_at, lates = 0, 0, [], [], [], []
     for number, life in enumerate(lives):
-        laws = [law for law in LAWS if law.name == life.law] if known_law else LAWS
-        made, shown = foretold(life, laws)
+        made, shown = foretold(life)
         half = None if shown is None else at_lambda(made, shown, life.end, HALF)
         good = half is not None and half.is_within(life.end, ALPHA)
         right += good
@@ -301,23 +304,36 @@ def third_recording(own: float, shared: float, seed: int, count: int) -> list[Fi
     return found
 
 
-def beside(lives: Sequence[Life], seed: int) -> list[Figure]:
-    """Ours and progpy's forecasts at lambda one half of the same units, both told the law."""
-    right, covered = np.zeros(2, dtype=int), np.zeros(2, dtype=int)
+def beside(lives: Sequence[Life], name: str, seed: int) -> list[Figure]:
+    """Our and progpy's forecasts of the same units after the same recordings, told the law."""
+    ours: list[list[Foretold]] = []
+    theirs: list[list[Foretold]] = []
     for number, life in enumerate(lives):
-        made, shown = foretold(life, [law for law in LAWS if law.name == life.law])
-        ours = None if shown is None else at_lambda(made, shown, life.end, HALF)
-        if ours is None:
-            continue
-        theirs = by_progpy(life, seed + number, 1 + int(ours.made_s))
-        for place, each in enumerate((ours, theirs)):
-            right[place] += each.is_within(life.end, ALPHA)
-            covered[place] += each.covers(life.end)
-    return [
-        share(f"{who}, told the law: {what}", int(of[place]), len(lives))
-        for place, who in enumerate(("flea_diag", "progpy"))
-        for what, of in ((f"alpha {ALPHA:g} at lambda {HALF:g}", right), ("within 90 %", covered))
-    ]
+        made, _ = foretold(life, [law for law in LAWS if law.name == life.law])
+        made = made[:: max(len(made) // MOST_BESIDE, 1)]
+        ours.append(made)
+        theirs.append([by_progpy(life, seed + number, 1 + int(each.made_s)) for each in made])
+    figures = []
+    for who, every in (("flea_diag", ours), ("progpy", theirs)):
+        halves = [
+            at_lambda(made, made[0].made_s, life.end, HALF) if made else None
+            for made, life in zip(every, lives, strict=True)
+        ]
+        pairs = list(zip(halves, lives, strict=True))
+        right = sum(half is not None and half.is_within(of.end, ALPHA) for half, of in pairs)
+        held = [f.covers(of.end) for made, of in zip(every, lives, strict=True) for f in made]
+        horizons = [
+            horizon_s(made, of.end, ALPHA, of.end) / of.end
+            for made, of in zip(every, lives, strict=True)
+        ]
+        told = f"{name}, law known, {who}"
+        figures += [
+            share(f"{told}: alpha {ALPHA:g} at lambda {HALF:g}", right, len(lives)),
+            share(f"{told}: end within 90 %, all forecasts", sum(held), len(held)),
+            Figure(f"{told}: horizon, median", 100.0 * float(np.median(horizons)), "% of life",
+                   len(lives)),
+        ]  # fmt: skip
+    return figures
 
 
 def main() -> int:
@@ -347,13 +363,15 @@ def main() -> int:
         np.hypot.reduce(life.worn.from_unit, axis=1).max() / life.limit for life in lives
     ]))  # fmt: skip
     print(f"errors in shares of the limit, medians: own {own:.4f}, of the unit {shared:.4f}")
-    made = [drawn(number, own, shared, arguments.seed) for number in range(arguments.drawn)]
-    figures += scored(made, "drawn") + scored(made, "drawn, law known", known_law=True)
     figures += third_recording(own, shared, arguments.seed, 1000)
-    try:
-        figures += beside(made, arguments.seed)
-    except ImportError:
-        print("progpy is not installed: no comparison")
+    for count in (DRAWN, FEW):
+        made = [drawn(k, own, shared, arguments.seed, count) for k in range(arguments.drawn)]
+        name = f"drawn, {count} recordings a life"
+        figures += scored(made, name)
+        try:
+            figures += beside(made, name, arguments.seed)
+        except ImportError:
+            print("progpy is not installed: no comparison")
     for figure in figures:
         print(f"{figure.name}: {figure.value:.1f} {figure.unit} of {figure.n}")
     write_summary("bench/faults/remaining_life.py", figures, arguments.json)

@@ -86,6 +86,14 @@ MADE: tuple[r.Record, ...] = (
             (), _T - 2_500_000_000, "the fault is jam", "", "live",
         )
     ),
+    r.SizeTrend(
+        _T, 1, "winding_short", "resistance lost", "ohm",
+        tuple(
+            r.SizeAt(_T - (4 - k) * 20_000_000_000, 0.25 + 0.0625 * k, 0.015625) for k in range(4)
+        ),
+        0.4375, 0.03125, "grows", 0.003125, 0.000244140625, 0.875,
+        _T + 105_000_000_000, _T + 140_000_000_000, _T + 190_000_000_000, 0.0, 0.0,
+    ),
     r.Remark(_T, r.RemarkKind.COMMENT, "console", "lubricated at noon", "live", _T - 5_000_000_000),
 )  # fmt: skip
 """Topics that no bag holds."""

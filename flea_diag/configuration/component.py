@@ -36,6 +36,7 @@ from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.state_estimate import NONE
 from flea_diag.stages.pipeline import Pipeline
+from flea_diag.stages.sizes.size_watch import SizeWatch
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock
 
@@ -206,6 +207,15 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
     return IsolatorStage(told, parameters, in_process)
 
 
+def _sized_isolator(stand: Stand, values: Any) -> Pipeline:
+    """The isolator, and what follows the size of what it names."""
+    return Pipeline((_isolator(stand, values), _sizes(stand)))
+
+
+def _sizes(stand: Stand) -> SizeWatch:
+    return SizeWatch(knowledge(stand, learned(stand)))
+
+
 def _by_evidence(stand: Stand) -> EvidenceStand:
     """Made once for all stages of one stand in a process, and again when a file of it changes."""
     from flea_diag.configuration.evidence import evidence_of
@@ -235,7 +245,7 @@ def _extractor(stand: Stand, values: Any) -> ExtractorStage:
 
 def _diagnoser(stand: Stand, values: Any) -> Pipeline:
     isolator = _isolator(stand, values, in_process=True)
-    return Pipeline((_observer(stand, values), isolator, _extractor(stand, values)))
+    return Pipeline((_observer(stand, values), isolator, _extractor(stand, values), _sizes(stand)))
 
 
 def evidence_pipeline(known: EvidenceStand, stand: Stand, **given: Any) -> Pipeline:
@@ -250,7 +260,7 @@ OBSERVER: Component[Any] = Component(
     _joined("Observer", StandParameters, DataSource, Decides, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
-    _joined("Isolator", StandParameters, Decides, Memory, IsolatorParameters), _isolator
+    _joined("Isolator", StandParameters, Decides, Memory, IsolatorParameters), _sized_isolator
 )
 EXTRACTOR: Component[Any] = Component(
     _joined("Extractor", StandParameters, DataSource, ExtractorParameters), _extractor

@@ -19,6 +19,7 @@ from __future__ import annotations
 from flea_diag.configuration.evidence import stream_columns, stream_hypotheses
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.likelihood.effect_set import motion_signals
+from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
 from flea_diag.stages.isolator.parameters import Knowledge
 from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
@@ -43,6 +44,7 @@ def recurrence_of(stand: Stand, told: Knowledge) -> RecurrenceKnowledge | None:
         tuple(not fault.incipient and fault.mode != "dead" for fault in faults),
         tuple(name not in rows.predictions for name in law.relations),
         rows.position if rows.position in known.names else "",
+        {**UNITS, **rows.units}[rows.position],
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,
         max(1, round(WINDOW_S / calibration.period_s)),

@@ -60,7 +60,13 @@ def isolator() -> Program:
                 r.FeatureValue,
                 r.Remark,
             ),
-            publishes=(r.FeatureRequest, r.Hypotheses, r.AmbiguityGroup, r.VerdictNumbers),
+            publishes=(
+                r.FeatureRequest,
+                r.Hypotheses,
+                r.AmbiguityGroup,
+                r.VerdictNumbers,
+                r.SizeTrend,
+            ),
         ),
         examples=(
             "ros2 topic echo /ambiguity_group",

@@ -50,6 +50,7 @@ from flea_diag.wire.records import (
     RemarkKind,
     Residual,
     Scan,
+    SizeTrend,
     Symbol,
     Symbols,
     Truth,
@@ -123,6 +124,7 @@ class OperatorState:
     scan: Scan | None = None
     residual: Residual | None = None
     level: VibrationLevel | None = None
+    trend: SizeTrend | None = None
     steps: tuple[GroupStep, ...] = ()
     symbols: tuple[SymbolChange, ...] = ()
     features: tuple[AskedFeature, ...] = ()
@@ -208,7 +210,7 @@ def _anew(state: OperatorState) -> OperatorState:
         for name, stream in state.streams.items()
     }
     return replace(
-        state, scan=None, residual=None, level=None, steps=(), symbols=(), features=(),
+        state, scan=None, residual=None, level=None, trend=None, steps=(), symbols=(), features=(),
         streams=fresh,
     )  # fmt: skip
 
@@ -361,6 +363,7 @@ _FOLDS: dict[type, Callable[[OperatorState, Any, int], OperatorState]] = {
     Hypotheses: _with_hypotheses,
     Residual: _latest("residual"),
     Scan: _latest("scan"),
+    SizeTrend: _latest("trend"),
     Symbols: _with_symbols,
     Truth: _latest("truth"),
     VibrationLevel: _latest("level"),

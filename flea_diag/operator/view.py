@@ -38,6 +38,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
         verdict_view.verdict(state, now_ns),
         action_view.to_do(state),
         verdict_view.possible(state),
+        evidence_view.growth(state),
         advice_view.next_tests(state),
         verdict_view.steps(state),
         verdict_view.dropped(state),

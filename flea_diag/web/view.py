@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from flea_diag.operator.evidence_view import followed
 from flea_diag.operator.stand_view import compiling
 from flea_diag.operator.state import OperatorState
 from flea_diag.operator.words import later, tr
@@ -30,6 +31,7 @@ from flea_diag.web.history import before_features
 from flea_diag.web.judgement import judgement
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.web.panels import data_quality, dropped, episodes, features, streams
+from flea_diag.web.size_chart import size_chart
 from flea_diag.web.symbol_matrix import symbol_matrix
 from flea_diag.web.tree_view import diagnosis_tree
 from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Scan
@@ -37,6 +39,7 @@ from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Scan
 MOST_IN_TREE = 8
 """Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
 NO_EPISODE = later("No episode is open.")
+NO_SIZE = later("No size is followed: it takes 20 s of motion in an open episode.")
 NO_HYPOTHESES = later("No message on hypotheses yet, which holds the course of the episode.")
 PATHS = later(
     "Highlighted: shortest path in the model from each possible cause (◆) to the residual that it "
@@ -125,6 +128,16 @@ def _tree(shown: Shown, tools: Tools) -> Markup:
     return joined(diagnosis_tree(tools.planner, group), listed)
 
 
+def _growth(shown: Shown, _: Tools) -> Markup:
+    trend = followed(shown.state)
+    return _nothing(tr(NO_SIZE)) if trend is None else size_chart(trend)
+
+
+def _followed(shown: Shown) -> object:
+    trend = followed(shown.state)
+    return () if trend is None else (trend.stamp_ns, trend.episode)
+
+
 def _without(shown: Shown) -> str:
     """Why a panel of the course of an episode is empty."""
     return tr(NO_EPISODE) if shown.episode is None else tr(NO_HYPOTHESES)
@@ -189,6 +202,7 @@ PANELS = (
     PagePanel(
         "group", later("Ambiguity group, step by step"), "two-thirds scroll", _flow, _episode
     ),
+    PagePanel("growth", later("Size over time"), "scroll", _growth, _followed),
     PagePanel("symbols", later("Symbols over time"), "third scroll", _symbols, _episode_and_names),
     PagePanel("causes", later("Temporal causal graph"), "scroll", _paths, _episode),
     PagePanel("tree", later("Diagnosis tree and features"), "", _tree, _episode_and_features),

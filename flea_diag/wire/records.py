@@ -331,8 +331,9 @@ class Recurrence:
 
     ``present_s`` is the time for which it was there, 0 where it never lasted for longer than
     ``shortest_s``, the shortest time that can be told; ``absent_s`` that for which it would have
-    shown and did not. ``every_s`` is its rhythm and ``place`` where along the stroke it comes (m);
-    NaN: it has none.
+    shown and did not, ``unseen_s`` that for which it could not have: with what it did then it has
+    come ``most`` times at most. ``every_s`` is its rhythm and ``place`` where along the stroke it
+    comes, in ``place_unit``; NaN: it has none.
     """
 
     count: int
@@ -343,6 +344,9 @@ class Recurrence:
     shortest_s: float
     every_s: float = math.nan
     place: float = math.nan
+    place_unit: str = "m"
+    unseen_s: float = 0.0
+    most: int = 0
 
     @property
     def duty(self) -> float:
@@ -459,6 +463,45 @@ def _verdict(said: Hypotheses | AmbiguityGroup) -> Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class SizeAt:
+    """Size at one time, with the standard error of each by itself; unit of the size."""
+
+    at_ns: int
+    size: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class SizeTrend:
+    """How a size of the fault of an episode has gone, and when it will reach its limit.
+
+    ``level`` is that at the latest of ``sizes``, with ``level_sigma``, in which is what all of them
+    share. ``direction`` is one of those of ``core/prognosis/trend.py``. ``limit`` is that of the
+    catalogue, NaN without one; where growth is shown it is reached at ``median_ns``, with 90 %
+    between ``low_ns`` and ``high_ns`` (NEVER_NS: never), has been with probability ``crossed`` and
+    is never with probability ``never``.
+    """
+
+    stamp_ns: int
+    episode: int
+    fault: str
+    quantity: str
+    unit: str
+    sizes: tuple[SizeAt, ...]
+    level: float
+    level_sigma: float
+    direction: str
+    slope_per_s: float = math.nan
+    slope_sigma_per_s: float = math.nan
+    limit: float = math.nan
+    low_ns: int = NEVER_NS
+    median_ns: int = NEVER_NS
+    high_ns: int = NEVER_NS
+    crossed: float = math.nan
+    never: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
 class FeatureRequest:
     """Request for one feature of one window of the vibration stream."""
 
@@ -557,6 +600,7 @@ Record = (
     | Hypotheses
     | AmbiguityGroup
     | VerdictNumbers
+    | SizeTrend
     | FeatureRequest
     | FeatureValue
     | Truth

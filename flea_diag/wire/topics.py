@@ -59,6 +59,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 13),
     Topic(r.Remark, "remark", DIAGNOSTIC_ARRAY, 50, True, 14),
     Topic(r.VerdictNumbers, "verdict_numbers", JOINT_STATE, 1, True, 15),
+    Topic(r.SizeTrend, "size_trend", DIAGNOSTIC_ARRAY, 1, True, 16),
 )
 
 TOPIC_OF: dict[type, Topic] = {topic.record: topic for topic in TOPICS}

@@ -35,7 +35,7 @@ class Words(NamedTuple):
     message: str
 
 
-CERTAIN = 0.999
+CERTAIN, MORE_LIKELY = 0.999, 0.5
 QUALITY_LEVEL: dict[Quality, Level] = {
     Quality.GOOD: Level.OK,
     Quality.ABSENT: Level.OK,
@@ -158,6 +158,19 @@ def _feature_value(value: r.FeatureValue, _: None) -> Words:
     return Words(Level.OK, "feature", sentence)
 
 
+def _size_trend(told: r.SizeTrend, _: None) -> Words:
+    unit = "" if told.unit == "1" else f" {told.unit}"
+    said = f"{told.fault}, {told.quantity} {_known(told.level, 3)}{unit}: {told.direction}"
+    if told.crossed > MORE_LIKELY:
+        return Words(Level.ERROR, "size_trend", f"{said}, limit {told.limit:.3g}{unit} crossed")
+    if told.median_ns == r.NEVER_NS:
+        return Words(Level.OK, "size_trend", said)
+    left_s = (told.median_ns - told.stamp_ns) / 1e9
+    return Words(
+        Level.WARN, "size_trend", f"{said}, limit {told.limit:.3g}{unit} in {left_s:.3g} s"
+    )
+
+
 def _truth(truth: r.Truth, _: None) -> Words:
     level = Level.OK if truth.fault == "nominal" else Level.WARN
     return Words(level, "truth", truth.fault)
@@ -184,6 +197,7 @@ _WORDS: dict[type, Any] = {
     r.Candidate: _candidate,
     r.FeatureRequest: _feature_request,
     r.FeatureValue: _feature_value,
+    r.SizeTrend: _size_trend,
     r.Truth: _truth,
     r.Remark: _remark,
 }

@@ -36,6 +36,7 @@ PARTS = {
     "symbol": (r.Symbol,),
     "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
     "ambiguity_group": (r.TwoFaults, r.Recurrence),
+    "size_trend": (r.SizeAt,),
 }
 """Classes that a record is made of, described in the section of its topic."""
 SAID_ABOVE = {"stamp_ns"}
@@ -58,6 +59,7 @@ TYPES = {
     tuple[r.UnitOffset, ...]: "objects",
     tuple[r.Recurrence, ...]: "objects",
     tuple[r.JudgedTest, ...]: "objects",
+    tuple[r.SizeAt, ...]: "objects",
     tuple[r.TwoFaults, ...]: "objects",
     tuple[r.ChannelInfo, ...]: "one status each",
     tuple[r.ChannelQuality, ...]: "one status each",

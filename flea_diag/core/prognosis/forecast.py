@@ -22,7 +22,8 @@ off by a factor ``s`` of the distribution ``STATED_FREEDOM / chi^2``. With ``C``
 
 summed over a grid of ``a``, ``d`` and ``s`` and over the laws. Where a law with these values
 reaches the limit follows in closed form, so the forecast is a weighted sum over the grid: no random
-draws, and no assumption that errors of the parameters are normal.
+draws, and no assumption that errors of the parameters are normal. The model of a fault gives its
+size but for a factor, the same in all recordings of a unit; a limit is as uncertain by it.
 """
 
 from __future__ import annotations
@@ -47,8 +48,31 @@ CELLS, ROUNDS = 48, 3
 SCALES = np.geomspace(0.3, 12.0, 12)
 WITHIN_NATS = 12.0
 """Cells less likely by more than this count for nothing."""
+SHARES = (0.05, 0.5, 0.95)
+"""Quantiles that are told of when a limit is reached."""
+GAIN = 0.04
+"""Sigma of that factor: among 16 developed units of four kinds of wear, worn to their ends."""
+GAINS = 1.0 + GAIN * np.array([-1.645, -1.036, -0.674, -0.385, -0.126, 0.126, 0.385, 0.674, 1.036,
+                               1.645])  # fmt: skip
+"""The middles of ten equally likely parts of it."""
 REACH = 8.0
 """Standard errors about the sizes that the first grid covers."""
+
+
+@dataclass(frozen=True)
+class LimitCrossing:
+    """When a limit is reached: the quantiles ``SHARES`` in s on the clock of the series.
+
+    Infinite: never. ``crossed`` is the probability that it was at the last recording, ``never``
+    that it never is.
+    """
+
+    limit: float
+    low_s: float
+    median_s: float
+    high_s: float
+    crossed: float
+    never: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +99,15 @@ class Forecast:
             found[rows] = (law.straight(limit) - low) / (high - low)
         return np.asarray(self.start_s + self.span_s * found)
 
+    def crossing(self, limit: float) -> LimitCrossing:
+        """When a limit is reached, with probabilities."""
+        times = np.concatenate([self.crossing_s(limit * gain) for gain in GAINS.tolist()])
+        weights = np.tile(self.weights / len(GAINS), len(GAINS))
+        crossed = float(weights[times <= self.start_s + self.span_s].sum())
+        never = float(weights[np.isinf(times)].sum())
+        low_s, median_s, high_s = _quantiles(times, weights, SHARES)
+        return LimitCrossing(limit, low_s, median_s, high_s, crossed, never)
+
     def sizes_at(self, time_s: float) -> Array:
         """Size of each at a time."""
         found = np.zeros(len(self.weights))
@@ -87,10 +120,7 @@ class Forecast:
 
     def quantiles(self, values: Array, shares: Sequence[float]) -> tuple[float, ...]:
         """Quantiles of any values of the grid; infinite ones are beyond all others."""
-        order = np.argsort(values)
-        reached = np.cumsum(self.weights[order])
-        places = np.minimum(np.searchsorted(reached, shares), len(order) - 1)
-        return tuple(values[order[places]].tolist())
+        return _quantiles(values, self.weights, shares)
 
     def share(self, which: npt.NDArray[np.bool_]) -> float:
         """Probability of some of the values."""
@@ -100,6 +130,12 @@ class Forecast:
     def of_laws(self) -> dict[str, float]:
         """Probability of each law."""
         return {law.name: self.share(self.law == k) for k, law in enumerate(self.laws)}
+
+
+def _quantiles(values: Array, weights: Array, shares: Sequence[float]) -> tuple[float, ...]:
+    order = np.argsort(values)
+    places = np.minimum(np.searchsorted(np.cumsum(weights[order]), shares), len(order) - 1)
+    return tuple(values[order[places]].tolist())
 
 
 def forecast(series: SizeSeries, laws: Sequence[GrowthLaw] = LAWS) -> Forecast | None:

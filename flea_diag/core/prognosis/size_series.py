@@ -39,6 +39,8 @@ Array = npt.NDArray[np.float64]
 
 STATED_FREEDOM = 4.0
 """Degrees of freedom that stated own errors count as, beside the scatter that a series shows."""
+FREE = 1e3
+"""By how much an offset that nothing is known of may be larger than all sizes of the new unit."""
 FALLS_BY = 4.0
 """Own errors of a difference by which a size falls from one recording to the next only if something
 was done to the unit: one fall in 30 000 by the noise."""
@@ -108,13 +110,16 @@ def scatter(series: SizeSeries, design: Array) -> float:
 def against_new(series: SizeSeries, new: SizeSeries) -> SizeSeries:
     """The same sizes, once recordings of the ``new`` unit, without the fault, have been seen.
 
-    There the size is 0: what was estimated is the error, and tells what the unit differs by. With
-    ``C`` that of the new recordings, the differences ``z`` of the unit have the mean
-    ``L' C^-1 y`` and the covariance ``1 - L' C^-1 L``, which takes the place of 1. By how much new
-    recordings scatter more or less than stated, all do.
+    There the size is 0: what was estimated is the error, and tells what the unit differs by. What a
+    relation neglects in the motion of its test acts alike in all recordings too, and no error
+    states it: so the offset of all of them is free, beside the differences of the unit. With
+    ``C`` that of the new recordings, the differences ``z`` have the mean ``L' C^-1 y`` and the
+    covariance ``1 - L' C^-1 L``, which takes the place of 1. By how much new recordings scatter
+    more or less than stated, all do.
     """
     scale = scatter(new, np.ones((len(new), 1)))
-    series, new = (replace(each, own=scale * each.own) for each in (series, new))
+    free = FREE * math.hypot(float(np.abs(new.sizes).max()), float(new.own.max()))
+    series, new = (_with_offset(each, scale, free) for each in (series, new))
     gain = np.linalg.solve(new.covariance(), new.from_unit).T
     mean = gain @ new.sizes
     left = np.eye(new.from_unit.shape[1]) - gain @ new.from_unit
@@ -123,6 +128,12 @@ def against_new(series: SizeSeries, new: SizeSeries) -> SizeSeries:
     return replace(
         series, sizes=series.sizes - series.from_unit @ mean, from_unit=series.from_unit @ root
     )
+
+
+def _with_offset(series: SizeSeries, scale: float, free: float) -> SizeSeries:
+    """Own errors scaled, and one more difference that moves all sizes alike."""
+    columns = np.column_stack((series.from_unit, np.full(len(series), free)))
+    return replace(series, own=scale * series.own, from_unit=columns)
 
 
 def falls(series: SizeSeries) -> list[int]:

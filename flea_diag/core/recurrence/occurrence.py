@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import betainc
 
 Array = npt.NDArray[np.float64]
 
@@ -31,6 +32,24 @@ SLACK_S = 0.25
 """By how much the time of a coming may be off: a window, and what smoothing adds."""
 SURE = 1.63
 """Of Kolmogorov's statistic: 1 % of places drawn where the machine was anyway are beyond."""
+
+
+PROBABLE = 0.975
+"""That it came no more often than is said: the upper end of an interval of 95 %."""
+
+
+def most_times(count: int, told_s: float, unseen_s: float) -> int:
+    """How often it may have come, with what it did while it could not have shown.
+
+    A fault that comes at random came there as often in proportion: with Jeffreys' prior of its rate
+    that has a negative binomial distribution, of ``count + 1/2`` and ``told_s`` of all the time.
+    One with a rhythm scatters less.
+    """
+    share = told_s / (told_s + unseen_s) if told_s > 0.0 else 1.0
+    more = 0
+    while share < 1.0 and betainc(count + 0.5, more + 1.0, share) < PROBABLE:
+        more += 1
+    return count + more
 
 
 def rhythm(times_s: Array) -> float:

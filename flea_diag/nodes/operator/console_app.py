@@ -54,7 +54,7 @@ from flea_diag.wire.records import AmbiguityGroup, Level
 REDRAW_S = 0.2
 MOST_DIGITS = 6
 
-LEFT = ("todo", "possible", "why", "next", "steps", "dropped", "unseen")
+LEFT = ("todo", "possible", "growth", "why", "next", "steps", "dropped", "unseen")
 RIGHT = ("symbols", "features", "residuals", "streams", "channels", "judged", "nodes", "marks")
 SIGNALS = ("symbols", "features", "residuals", "streams")
 """What makes room for the table of all tests."""

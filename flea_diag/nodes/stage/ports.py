@@ -29,6 +29,7 @@ from flea_diag.wire.records import (
     Remark,
     Residual,
     Scan,
+    SizeTrend,
     Symbols,
     VerdictNumbers,
     VibrationBlock,
@@ -44,6 +45,7 @@ JUDGEMENTS = (
     Hypotheses,
     AmbiguityGroup,
     VerdictNumbers,
+    SizeTrend,
 )
 
 SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, Remark)

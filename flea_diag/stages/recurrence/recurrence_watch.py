@@ -33,7 +33,7 @@ from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
-from flea_diag.core.recurrence.occurrence import gathered, rhythm
+from flea_diag.core.recurrence.occurrence import gathered, most_times, rhythm
 from flea_diag.core.recurrence.recurring import (
     FAR,
     NEAR,
@@ -85,7 +85,7 @@ class RecurrenceKnowledge(Frozen):
     fast
         Of every relation whether it is looked at.
     position
-        Signal that tells the place along the stroke; empty: none does.
+        Signal that tells the place along the stroke; empty: none does. ``place_unit`` is its unit.
     load
         Place of the load among the signals.
     delay_s, scans
@@ -98,6 +98,7 @@ class RecurrenceKnowledge(Frozen):
     usable: tuple[bool, ...]
     fast: tuple[bool, ...]
     position: str
+    place_unit: str
     load: int
     delay_s: float
     scans: int
@@ -277,15 +278,24 @@ class RecurrenceWatch:
         # Smoothing lengthens each burst by as much as a kernel.
         present_s = max(windows_s - 2.0 * k.delay_s * len(came), 0.0)
         absent_s = float((found.states < 0).sum()) * WINDOW_S + windows_s - present_s
+        unseen_s = float((found.states[came[0] :] == 0).sum()) * WINDOW_S
+        count, first_ns = len(came), times_ns[0]
+        if before is not None:
+            count, first_ns = count + before.count, before.first_ns
+            present_s, absent_s = present_s + before.present_s, absent_s + before.absent_s
+            unseen_s += before.unseen_s
         return Recurrence(
-            count=len(came) + (before.count if before else 0),
-            first_ns=before.first_ns if before else times_ns[0],
+            count=count,
+            first_ns=first_ns,
             last_ns=times_ns[-1],
-            present_s=present_s + (before.present_s if before else 0.0),
-            absent_s=absent_s + (before.absent_s if before else 0.0),
+            present_s=present_s,
+            absent_s=absent_s,
             shortest_s=2.0 * k.delay_s,
             every_s=rhythm(np.array(times_ns) / 1e9),
             place=gathered(places[came], places[found.states != 0]),
+            place_unit=k.place_unit,
+            unseen_s=unseen_s,
+            most=most_times(count, present_s + absent_s, unseen_s),
         )
 
 

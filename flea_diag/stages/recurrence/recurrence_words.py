@@ -24,12 +24,28 @@ from flea_diag.wire.records import Recurrence
 def recurrence_words(told: Recurrence, start_ns: int) -> str:
     """As after "which": times are seconds after the start of the stand."""
     since_s = (told.first_ns - start_ns) / 1e9
-    words = [f"comes and goes: {told.count} times since {since_s:.1f} s", _lasts(told)]
+    words = [f"comes and goes: {_times(told)} since {since_s:.1f} s", _lasts(told)]
     if math.isfinite(told.every_s):
         words.append(f"every {told.every_s:.2g} s")
     if math.isfinite(told.place):
-        words.append(f"at {told.place * 1e3:.0f} mm of the stroke")
+        words.append(_place(told))
     return ", ".join(words)
+
+
+def _times(told: Recurrence) -> str:
+    """How often; where it may have come more often, for how long that could not be seen."""
+    if told.most <= told.count:
+        return f"{told.count} times"
+    return (
+        f"at least {told.count} times, at most {told.most} with {told.unseen_s:.0f} s in which the "
+        "motion and its current could not show it,"
+    )
+
+
+def _place(told: Recurrence) -> str:
+    if told.place_unit == "rad":
+        return f"at {math.degrees(told.place):.1f} deg of the turn"
+    return f"at {told.place * 1e3:.0f} mm of the stroke"
 
 
 def _lasts(told: Recurrence) -> str:

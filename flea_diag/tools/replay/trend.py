@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 from flea_diag.errors import ConfigurationError, FleaError, shown
 from flea_diag.formats import stamped
 from flea_diag.tools.argument import add_json, positive
+from flea_diag.tools.extra import require
 from flea_diag.tools.replay.size_estimates import WRITTEN, Estimate, estimates, measured
 from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand, given_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
@@ -43,7 +44,7 @@ examples:
   flea trend bags/2026* --fault winding_short      its size in every bag, detected or not
   flea trend bags/* --fault magnet_loss --new bags/day_0 bags/day_1 --limit 0.2
   flea trend bags/* --serial EMA-007               of one actuator only
-  flea trend bags/* --json trend.json --csv trend.csv
+  flea trend bags/* --json trend.json --csv trend.csv --plot trend.png
 
 The serial number is that of the channels of the test actuator in the channel table. After a
 simulated stand has switched to its other unit, it is that of the faulty unit. Bags without a
@@ -53,6 +54,7 @@ the JSON file, `times` (s) and `data` of each trend have the format of progpy's 
 are the standard errors, `own_sigmas` their part that bags do not share.
 """
 ANEW = "calibration; with it, or with --stand, bags are diagnosed again, ignoring recorded verdicts"
+PICTURES = (".png", ".svg", ".pdf")
 LAW_NAMES = ("linear", "exponential", "Paris")
 
 
@@ -73,6 +75,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", choices=LAW_NAMES, help="how it grows (default: any, weighed)")
     add_stand(parser)
     add_calibration(parser, ANEW)
+    parser.add_argument(
+        "--plot", type=Path, metavar="OUT",
+        help="draw sizes, forecast, limit and when it is reached, as .png, .svg or .pdf (needs "
+        "matplotlib)",
+    )  # fmt: skip
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line per estimate")
     add_json(parser, "estimates, trends and forecasts")
 
@@ -81,6 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Collect the estimates of all bags, print and write their trends."""
     if arguments.new and not arguments.fault:
         raise ConfigurationError("--new needs --fault: a verdict on a new unit has no size")
+    if arguments.plot:
+        _check_plot(arguments.plot)
     sized = _sizing(arguments)
     found, refused = _collected(arguments.bags, sized)
     new, _ = _collected(arguments.new, sized)
@@ -88,6 +97,10 @@ def run(arguments: argparse.Namespace) -> int:
     trends = _trends(kept, [entry for entry in new if _wanted(entry, arguments)], arguments)
     if arguments.csv:
         _write_csv(arguments.csv, [entry for each in trends for entry in each.all])
+    if arguments.plot and trends:
+        from flea_diag.tools.replay.trend_picture import draw_trends
+
+        draw_trends(trends, arguments.plot)
     if arguments.json:
         written = {"trends": [each.to_mapping() for each in trends]}
         write_json(arguments.json, stamped("trend", written))
@@ -96,6 +109,12 @@ def run(arguments: argparse.Namespace) -> int:
     if refused == len(arguments.bags):
         return 2
     return IN_PART if refused else 0
+
+
+def _check_plot(path: Path) -> None:
+    require("plot", "--plot")
+    if path.suffix not in PICTURES:
+        raise ConfigurationError(f"--plot {shown(path)}: must end in {', '.join(PICTURES)}")
 
 
 def _sizing(arguments: argparse.Namespace) -> Callable[[Path], list[Estimate]]:

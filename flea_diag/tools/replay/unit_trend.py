@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +31,6 @@ from flea_diag.core.prognosis.trend import Trend, further_needed, trend
 from flea_diag.tools.replay.size_estimates import Estimate
 
 DAY_S = 86400.0
-SHARES = (0.05, 0.5, 0.95)
 CROSSED = 0.5
 """Probability from which on a limit is said to be crossed already."""
 
@@ -90,17 +89,8 @@ class UnitTrend:
         """When the limit is reached, in seconds after the first estimate, and probabilities."""
         if self.forecast is None or math.isinf(self.limit):
             return None
-        times = self.forecast.crossing_s(self.limit)
-        low, median, high = self.forecast.quantiles(times, SHARES)
-        now_s = self.forecast.start_s + self.forecast.span_s
-        return {
-            "limit": self.limit,
-            "low_s": known(low),
-            "median_s": known(median),
-            "high_s": known(high),
-            "crossed": self.forecast.share(times <= now_s),
-            "never": self.forecast.share(np.isinf(times)),
-        }
+        told = asdict(self.forecast.crossing(self.limit))
+        return {name: known(value) for name, value in told.items()}
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping; ``times`` and ``data`` have the format of progpy's SimResult."""

@@ -42,8 +42,8 @@ from flea_diag.web.view import PANELS, View
 from flea_diag.wire.records import NEVER_NS, Record
 
 ORDER = (
-    "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
-    "quality", "streams", "judged",
+    "answer", "group", "symbols", "growth", "residual", "causes", "tree", "episodes", "channel",
+    "vibration", "quality", "streams", "judged",
 )  # fmt: skip
 """Order of the page: verdict, evidence, history, status of the stand."""
 DIGITS = "1234567890"

@@ -87,6 +87,7 @@ _OBJECTS: dict[Any, Any] = {
     tuple[r.JudgedTest, ...]: r.JudgedTest,
     tuple[r.TwoFaults, ...]: r.TwoFaults,
     tuple[r.Recurrence, ...]: r.Recurrence,
+    tuple[r.SizeAt, ...]: r.SizeAt,
 }
 """Fields that become numbered objects -> class of an object."""
 

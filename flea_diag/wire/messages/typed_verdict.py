@@ -23,7 +23,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from flea_diag.wire.messages.verdict_numbers import NUMBER_OF
-from flea_diag.wire.records import OUTCOME_LEVEL, AmbiguityGroup, Candidate
+from flea_diag.wire.records import (
+    OUTCOME_LEVEL,
+    AmbiguityGroup,
+    Candidate,
+    Recurrence,
+    TwoFaults,
+)
 
 VERDICT, TYPE = "verdict", "flea_diag_msgs/msg/Verdict"
 SECOND_NS = 1_000_000_000
@@ -45,6 +51,29 @@ def typed_verdict(group: AmbiguityGroup) -> Mapping[str, Any]:
         "members": [_fault(member) for member in group.members],
         "dropped": [_fault(each) for each in group.dropped],
         "not_observable": [fault for fault, _ in group.not_observable],
+        "looked_for": list(group.looked_for),
+        "pairs": [_pair(pair) for pair in group.pairs],
+        "comes_and_goes": [_recurrence(told) for told in group.comes_and_goes],
+    }
+
+
+def _pair(pair: TwoFaults) -> Mapping[str, Any]:
+    return {"first": pair.first, "second": pair.second, "probability": pair.probability}
+
+
+def _recurrence(told: Recurrence) -> Mapping[str, Any]:
+    return {
+        "count": told.count,
+        "most": told.most,
+        "first": _time(told.first_ns),
+        "last": _time(told.last_ns),
+        "present_s": told.present_s,
+        "absent_s": told.absent_s,
+        "unseen_s": told.unseen_s,
+        "shortest_s": told.shortest_s,
+        "every_s": told.every_s,
+        "place": told.place,
+        "place_unit": told.place_unit,
     }
 
 

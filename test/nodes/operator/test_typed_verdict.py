@@ -32,12 +32,16 @@ from support.verdicts import LAST, NOMINAL
 from flea_diag import __version__
 from flea_diag.wire.messages.typed_verdict import TYPE, typed_verdict
 from flea_diag.wire.messages.verdict_numbers import NUMBER_OF
-from flea_diag.wire.records import Candidate, Level, Outcome
+from flea_diag.wire.records import Candidate, Level, Outcome, Recurrence, TwoFaults
 
 PACKAGE = ROOT / "flea_diag_msgs"
 NODE = "typed_verdict"
 JAM = Candidate("jam", "friction+", 0.97, "fits", (), 118.5, 4.25, "N")
-FOUND = replace(LAST, members=(JAM,), words="the fault is jam")
+COMES = Recurrence(7, 10**18, 10**18 + 10**9, 1.5, 12.0, 0.1, 2.0, 0.03, "rad", 4.0, 9)
+FOUND = replace(
+    LAST, members=(JAM,), words="the fault is jam", looked_for=("jam", "spall"),
+    pairs=(TwoFaults("jam", "spall", 0.75),), comes_and_goes=(COMES,),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +71,17 @@ def test_the_package_has_the_version_of_flea_diag_and_lists_its_messages() -> No
     assert listed == [f"msg/{path.name}" for path in sorted(PACKAGE.glob("msg/*.msg"))]
 
 
+def fields(message: str) -> list[str]:
+    text = (PACKAGE / "msg" / f"{message}.msg").read_text(encoding="utf-8")
+    return re.findall(r"^[\w/\[\]]+ +([a-z]\w*)", text, re.M)
+
+
 def test_every_field_of_the_message_is_filled() -> None:
-    text = (PACKAGE / "msg" / "Verdict.msg").read_text(encoding="utf-8")
-    fields = re.findall(r"^[\w/\[\]]+ +([a-z]\w*)", text, re.M)
-    assert list(typed_verdict(FOUND)) == fields
+    told = typed_verdict(FOUND)
+    assert list(told) == fields("Verdict")
+    for name, message in (("members", "PossibleFault"), ("pairs", "TwoFaults"),
+                          ("comes_and_goes", "Recurrence")):  # fmt: skip
+        assert list(told[name][0]) == fields(message)
 
 
 LISTENER = """
@@ -87,6 +98,8 @@ def said(told):
             [f.fault, f.hypothesis, f.size, f.size_sigma, f.size_unit] for f in told.members
         ],
         "dropped": [f.fault for f in told.dropped], "not_observable": told.not_observable,
+        "looked_for": told.looked_for, "pairs": [[p.first, p.second] for p in told.pairs],
+        "comes": [[c.count, c.most, c.place_unit] for c in told.comes_and_goes],
     }), flush=True)
 
 rclpy.init()
@@ -122,6 +135,9 @@ def test_who_listens_reads_the_verdict_by_its_fields(types: Path, domain: int) -
     assert found["words"] == "the fault is jam"
     assert found["members"] == [["jam", "friction+", 118.5, 4.25, "N"]]
     assert found["not_observable"] == [fault for fault, _ in FOUND.not_observable]
+    assert found["looked_for"] == ["jam", "spall"]
+    assert found["pairs"] == [["jam", "spall"]]
+    assert found["comes"] == [[7, 9, "rad"]]
     assert healthy["members"] == []
     assert healthy["detected_s"] == 0
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -93,6 +94,24 @@ def test_only_the_serial_that_is_asked_for_and_a_line_an_estimate(
     assert [float(row["size"]) for row in rows] == [10.0, 13.0, 16.0, 19.0]
     assert {row["serial"] for row in rows} == {"EMA-7"}
     assert {row["outcome"] for row in rows} == {"ISOLATED"}, "one line an episode, its last word"
+
+
+def test_a_trend_is_drawn(
+    bags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    target = tmp_path / "trend.svg"
+    assert flea(["trend", *bags, "--plot", str(target), "--limit", "40"]) == 0
+    drawn = target.read_text(encoding="utf-8")
+    assert {"EMA-7: jam", "EMA-8: jam", "forecast, 90 %", "limit"} <= _comments(drawn)
+    assert any(words.startswith("reached 20") for words in _comments(drawn))
+    assert flea(["trend", *bags, "--plot", "trend.doc"]) == 2
+    assert "must end in .png" in capsys.readouterr().err
+
+
+def _comments(drawn: str) -> set[str]:
+    """Texts of a picture: matplotlib writes each beside its glyphs."""
+    return {words.strip() for words in re.findall(r"<!--(.*?)-->", drawn, re.DOTALL)}
 
 
 def test_progpy_takes_it_over(bags: list[str], tmp_path: Path) -> None:
