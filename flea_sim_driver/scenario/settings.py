@@ -116,6 +116,10 @@ class Switch:
 
     at_s: float = parameter(-1.0, "time of the change, -1: never", unit="s", minimum=-1.0)
     to: str = parameter("X", "test actuator in use from then on", choices=("X", "Y"))
+    warmer_k: float = parameter(
+        0.0, "by how much it is warmer at the start than the other", unit="K", minimum=-20.0,
+        maximum=60.0,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

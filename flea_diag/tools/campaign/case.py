@@ -237,6 +237,7 @@ def _table_row(row: FaultCases, times: int) -> Any:
         row.either_sign,
         row.switched,
         row.sizes,
+        row.warmer_k,
     )
 
 
