@@ -31,7 +31,7 @@ LOOKS = 5
 """Windows from look to look at whether an open episode is over, or was another unit: 1 s."""
 
 
-class Answer(Enum):
+class ShiftAnswer(Enum):
     """What a shift is; ``FAULT`` also where the law has seen enough of it and cannot tell."""
 
     UNTOLD = auto()
@@ -58,26 +58,26 @@ class ShiftQuestion:
         """Take one more window; whether the answer is another one now."""
         before = self.answer
         self._asked += 1
-        if before is Answer.OTHER_UNIT:
+        if before is ShiftAnswer.OTHER_UNIT:
             return False
         answer = self._told((window,)) if self._found is None else self._kept(self._found, window)
-        if answer is not Answer.UNTOLD:
+        if answer is not ShiftAnswer.UNTOLD:
             self.answer = answer
         return self.answer is not before
 
-    def _kept(self, found: Found, window: LawWindow) -> Answer:
+    def _kept(self, found: Found, window: LawWindow) -> ShiftAnswer:
         """Whether a fault still is one; looked at now and then."""
         self._take(found, window)
         change = found.change
         if self._asked % LOOKS == 0 and self._stream.was_unit(change, change.evidence.weighed()):
-            return Answer.OTHER_UNIT
-        return Answer.FAULT
+            return ShiftAnswer.OTHER_UNIT
+        return ShiftAnswer.FAULT
 
     def _take(self, found: Found, window: LawWindow) -> None:
         self._stream.history.add(window)
         found.change.evidence.add(window)
 
-    def _told(self, windows: Iterable[LawWindow]) -> Answer:
+    def _told(self, windows: Iterable[LawWindow]) -> ShiftAnswer:
         """By all of these windows: what the first ones tell, the others may tell better."""
         stream, rest = self._stream, iter(windows)
         found = next(filter(None, map(stream.add, rest)), None)
@@ -88,6 +88,6 @@ class ShiftQuestion:
             found = stream.told(found.change)
         self._found = found
         if stream.other_unit > 0:
-            return Answer.OTHER_UNIT
+            return ShiftAnswer.OTHER_UNIT
         waits = found is None and stream.may_be_unit and self._asked < TOLD_WINDOWS
-        return Answer.UNTOLD if waits else Answer.FAULT
+        return ShiftAnswer.UNTOLD if waits else ShiftAnswer.FAULT

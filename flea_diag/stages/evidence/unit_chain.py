@@ -33,7 +33,7 @@ from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
-from flea_diag.stages.evidence.shift_question import Answer, ShiftQuestion
+from flea_diag.stages.evidence.shift_question import ShiftAnswer, ShiftQuestion
 from flea_diag.stages.observer.channels import ChannelReadings
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -75,7 +75,7 @@ class UnitChain(ObserverChain):
 
     def happens(self, block: ScanBlock, output: StreamOutput) -> int:
         """The first scan with which the detection causes a record, or the law has its answer."""
-        waits, first = self._is(Answer.UNTOLD), super().happens(block, output)
+        waits, first = self._is(ShiftAnswer.UNTOLD), super().happens(block, output)
         answered = self._add(block, output)
         return answered if waits else min(first, answered)
 
@@ -84,14 +84,14 @@ class UnitChain(ObserverChain):
         self._add(block, output)
         if self._question is None and not self.episode.is_open and self._shifts(output):
             self._question = ShiftQuestion(self._k.stream(), self._windows)
-        if self._is(Answer.UNTOLD) or self._is(Answer.OTHER_UNIT):
+        if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):
             return ()
         caused = super().detect(block, output)
         if not self.episode.is_open:
             self._question = None
         return caused
 
-    def _is(self, answer: Answer) -> bool:
+    def _is(self, answer: ShiftAnswer) -> bool:
         return self._question is not None and self._question.answer is answer
 
     def _add(self, block: ScanBlock, output: StreamOutput) -> int:
@@ -115,4 +115,4 @@ class UnitChain(ObserverChain):
 
     def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan at which another unit is in use, or n."""
-        return 0 if self._is(Answer.OTHER_UNIT) else super().other_unit(reading)
+        return 0 if self._is(ShiftAnswer.OTHER_UNIT) else super().other_unit(reading)
