@@ -105,7 +105,10 @@ class SimulatedStand:
         self._vibrations = _vibrations(scenario, own[7:9], draws[3])
         self._disturbance = Disturbance(draws[4], machine.catches)
         self._temperatures = {
-            name: Temperatures.uniform(warm, run.ambient_degc) for name in self.units
+            name: Temperatures.uniform(
+                warm + scenario.switch.warmer_k * (name != run.active_unit), run.ambient_degc
+            )
+            for name in self.units
         }
         self._courses = courses(scenario)
         self._told: set[int] = set()

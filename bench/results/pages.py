@@ -62,7 +62,7 @@ PAGES = (
         "anew for each run. The paper's own results are from the hardware; real and simulated "
         "runs are never added up.",
         ("table4", "table4_fresh", "table4_wide", "table4_slow", "group_coverage", "severity",
-         "nominal_10h", "travel", "live"),
+         "nominal_10h", "travel", "live", "switches", "switches_heard"),
     ),
     ResultPage(
         "vibration",
@@ -131,7 +131,8 @@ PAGES = (
         "What healthy recordings differ by, learned from all of them "
         "([Method](../method.md#3-calibration)): a first proof offline on the FLEA's recordings "
         "and on simulated switches of the unit, and its score by seeds that were fixed before. "
-        "It is learned and reported; no decision rests on it yet.",
+        "It is learned and reported; by it a shift is told from another unit, and what comes and "
+        "goes from what stays.",
         (
             "step_0", "law_growing", "law_spoilt", "law_further", "law_machines", "law_sizes",
             "law_score",
@@ -143,7 +144,8 @@ PAGES = (
         "The diagnosis (`hybrid`) against one evidence by the law of healthy recordings "
         "(`evidence`, [Method](../method.md#one-evidence-by-the-law-of-healthy-recordings)). Both "
         "diagnose the same runs by the same calibration, without accelerometers; of two numbers "
-        "in a cell the first is of the evidence. It decides nothing of the product yet. A run is "
+        "in a cell the first is of the evidence. Of the product it decides whether a shift is "
+        "another unit alone. A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
         ("evidence", "evidence_cranfield", "evidence_second_load"),

@@ -193,7 +193,12 @@ def _observer(stand: Stand, values: Any) -> ObserverStage:
     calibration = learned(stand)
     known = effects(stand, calibration)
     nominal = load_features(stand.features).nominal
-    return ObserverStage(calibration, known, parameters, nominal)
+    if calibration.law is None:
+        return ObserverStage(calibration, known, parameters, nominal)
+    from flea_diag.stages.evidence.unit_chain import UnitChain
+
+    chain = UnitChain(_by_evidence(stand).knowledge, calibration, known, parameters)
+    return ObserverStage(calibration, known, parameters, nominal, chain)
 
 
 def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorStage:

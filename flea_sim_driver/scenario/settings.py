@@ -127,6 +127,10 @@ class Switch:
     magnet_n: float = parameter(
         2000.0, "pull of the magnet in the end", unit="N", minimum=100.0, maximum=1e5
     )
+    warmer_k: float = parameter(
+        0.0, "by how much it is warmer at the start than the other", unit="K", minimum=-20.0,
+        maximum=60.0,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class CampaignRow:
     either_sign: bool = False
     switched: bool = False
     sizes: tuple[float, ...] = ()
+    warmer_k: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: 
         "load": {"constant_n": _load_n(float(draw.uniform(-limit_n, limit_n)), limit_n)},
         **shared.values,
     }
-    if row.fault:
+    if row.fault or row.switched:
         values |= _fault(row, number, draw, shared)
     return scenario_from_mapping(values, f"{row.title}, {name}")
 
@@ -161,9 +162,12 @@ def _fault(
         size = row.sizes[number // len(MOTIONS) % len(row.sizes)]
     if row.either_sign and draw.random() < 0.5:
         size = -size
+    switch = {"at_s": onset, "to": "X", "warmer_k": row.warmer_k}
+    if not row.fault:
+        return {"switch": switch}
     fault: dict[str, Any] = {"fault": row.fault}
     if row.high != 0.0 or row.sizes:
         fault["size"] = size
     if row.switched:
-        return {"switch": {"at_s": onset, "to": "X"}, "faults": [fault | {"unit": "X"}]}
+        return {"switch": switch, "faults": [fault | {"unit": "X"}]}
     return {"faults": [fault | {"onset_s": onset}]}

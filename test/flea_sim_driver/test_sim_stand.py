@@ -211,6 +211,15 @@ def test_nothing_but_physics_betrays_a_switch_of_units() -> None:
     assert "'Y'" not in text
 
 
+def test_the_other_unit_may_be_warmer() -> None:
+    warm = scans(records(switch={"at_s": 5.0, "to": "X", "warmer_k": 12.0}))
+    alike = scans(records(switch={"at_s": 5.0, "to": "X"}))
+    for name in ("motor_temperature", "nut_temperature"):
+        np.testing.assert_array_equal(warm[name][:500], alike[name][:500])
+        # It cools while it waits.
+        assert np.median(warm[name][500:] - alike[name][500:]) == pytest.approx(12.0, abs=1.0)
+
+
 def test_a_fault_of_the_other_unit_begins_with_the_switch() -> None:
     run = records(switch={"at_s": 6.0, "to": "X"}, faults=[{"fault": "jam", "unit": "X"}])
     truth = [record for record in run if isinstance(record, Truth)][-1]

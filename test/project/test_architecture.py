@@ -232,7 +232,7 @@ ARROWS = {
         "isolator": ("judgement", "recurrence"),
         "sizes": ("isolator",),
         "baselines": ("extractor",),
-        "evidence": ("observer", "isolator"),
+        "evidence": ("observer", "isolator", "recurrence"),
     },
     "flea_diag.wire": {
         "": (),

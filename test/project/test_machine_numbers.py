@@ -90,6 +90,7 @@ GENERAL: dict[Row, str] = {
     ("judgement/ledger.py", "LEAST_S", 3.0): "least evidence",
     ("isolator/verdict_record.py", "LATE_S", 2.0): "what an operator is told",
     ("evidence/fault_evidence.py", "KEPT_S", 60.0): "a unit warms up",
+    ("evidence/unit_chain.py", "KEPT_S", 20.0): "the earlier level of a shift",
     ("evidence/hypotheses.py", "OTHER_UNIT_K", 5.0): "a room, and what was used before",
     ("run_law/run_windows.py", "HEATING_S", 60.0): "windings have half a minute to two",
     ("run_law/run_windows.py", "WINDOW_S", 0.2): "the shortest delay that matters",

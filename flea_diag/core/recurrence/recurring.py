@@ -23,7 +23,8 @@ So for every fault that explains them it is asked, window by window, how much of
 with ``F`` what the fault at its size adds to the relations and ``e`` what they show. Where ``F'F``
 is small nothing is known. Where it is large, ``a`` near 1 is *present* and near 0 *absent*; a fault
 comes and goes when it has been absent, between times at which it was present, in windows in which
-it would have shown, and when no fault that stays explains the same windows as well.
+it would have shown, and when nothing that stays explains the same windows as well: a fault, another
+unit, or both.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.evidence.fault_evidence import other_unit
 from flea_diag.core.evidence.fault_signatures import SizePrior
 from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio, posterior
 from flea_diag.core.evidence.white_stream import exact_share
@@ -59,7 +61,7 @@ ONE_WAY = 0.95
 USUAL = 0.95
 """Share of windows without a fault that jump by less than what counts as usual."""
 APART_NATS = 20.0
-"""By how much a fault that comes and goes must be ahead of every fault that stays."""
+"""By how much a fault that comes and goes must be ahead of all that stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,8 @@ class StreamPart(Frozen):
         See ``WindowRow``, shape (n, relations).
     faults
         Shape (n, relations, models, sizes).
+    units
+        What another unit adds, shape (n, relations, differences).
     ways
         Directions of motion and of the load, -1, 0 or 1, shape (n, signals).
     jumps
@@ -80,6 +84,7 @@ class StreamPart(Frozen):
 
     errors: Array
     faults: Array
+    units: Array
     ways: Array
     jumps: Array
 
@@ -162,9 +167,9 @@ def _weighed(
     loud = np.zeros(len(part.errors), dtype=bool)
     for run in told_by:
         loud[run] = True
-    sums, every = _sums(part, loud), _sums(part, np.ones_like(loud))
+    sums = _sums(part, loud)
     nats = marginal_ratio(sums, prior, reaching=True)
-    stays = float(marginal_ratio(every, prior, reaching=True).max())
+    stays = _stays(part, prior)
     found = posterior(sums, prior)
     left, shown = _left(part, loud, found.size)
     fits = usable & (left < (1.0 - EXPLAINED) * shown) & (nats > stays)
@@ -178,6 +183,14 @@ def _weighed(
         if _comes_and_goes(part, each, stays) and _jumps(part, each, reading[each.model])
     ]
     return sorted(kept, key=lambda each: -each.nats)
+
+
+def _stays(part: StreamPart, prior: SizePrior) -> float:
+    """Evidence of what stays and fits all windows best: a fault, another unit, or both."""
+    every = np.ones(len(part.errors), dtype=bool)
+    alone, both = (_sums(part, every, of_unit) for of_unit in (False, True))
+    faults, with_unit = (marginal_ratio(s, prior, reaching=True).max() for s in (alone, both))
+    return float(max(faults, other_unit(both.own, 1) + max(with_unit, 0.0)))
 
 
 def _of_a_part(prior: SizePrior) -> SizePrior:
@@ -195,11 +208,16 @@ def _of_a_part(prior: SizePrior) -> SizePrior:
     return replace(prior, mean=mean, sigma=sigma, low=low, high=high)
 
 
-def _sums(part: StreamPart, which: Flags) -> Sums:
-    """Sums over these windows, what no model gives exactly counting as noise."""
-    exact = exact_share(part.errors[which].ravel()).reshape(part.errors[which].shape)
-    own = (part.errors[which] * exact)[..., None]
-    return Sums.of(own, part.faults[which] * exact[..., None, None])
+def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:
+    """Sums over these windows, what no model gives exactly counting as noise.
+
+    ``of_unit``: with what another unit may differ by.
+    """
+    exact = exact_share(part.errors[which].ravel()).reshape(part.errors[which].shape)[..., None]
+    own = part.errors[which][..., None]
+    if of_unit:
+        own = np.concatenate((own, part.units[which]), axis=-1)
+    return Sums.of(own * exact, part.faults[which] * exact[..., None])
 
 
 def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:
@@ -233,7 +251,7 @@ def _presence(
 
 
 def _comes_and_goes(part: StreamPart, found: RecurringFault, stays: float) -> bool:
-    """Whether it came often enough, whatever direction it moves in, and no other fault stays."""
+    """Whether it came often enough, whatever direction it moves in, and nothing else stays."""
     if len(found.comings) < LEAST_TIMES or found.nats - stays <= APART_NATS:
         return False
     return not any(_parts(way, found.states) for way in part.ways.T)

@@ -55,10 +55,14 @@ class WindowRow(Frozen):
         Of prediction under no fault, in standard deviations, shape (relations,), 0 without a value.
     faults
         What one unit of each size adds to them, shape (relations, models * sizes).
+    unit
+        What another unit adds, for one standard deviation of each of its differences, shape
+        (relations, differences).
     """
 
     errors: Array
     faults: Array
+    unit: Array
 
     @property
     def farthest(self) -> float:
@@ -92,7 +96,7 @@ class StreamRows:
     def step(self, window: LawWindow, keeps: bool) -> WindowRow | None:
         """Take the next window; None where it is not kept, as no relation is far out in it."""
         h, known = self._h, np.isfinite(window.values) & self._fast
-        left, psi, _ = h.own(window, self._number)
+        left, psi, unit = h.own(window, self._number)
         self._number += 1
         sigma = h.noise.loudness(window.motion) * h.friction.loudness(window) * h.noise.sigma
         rows = np.column_stack((left, psi)) / sigma[:, None]
@@ -109,9 +113,11 @@ class StreamRows:
         if not keeps and np.abs(own).max() <= FAR:
             return None
         added, _ = h.faults(window, errors)
-        added = added / predicted[:, None]
+        added = np.column_stack((added, unit)) / predicted[:, None]
         added[~known] = 0.0
-        return WindowRow(own, apart @ added)
+        added = apart @ added
+        differences = unit.shape[1]
+        return WindowRow(own, added[:, :-differences], added[:, -differences:])
 
     def _count(self, rows: Array) -> None:
         self._sums = self._fade * self._sums + rows.T @ rows

@@ -35,7 +35,7 @@ class WatchedWindows:
     ----------
     ends_ns
         Stamps of their last scans.
-    errors, faults
+    errors, faults, units
         See ``WindowRow``.
     ways, jumps
         See ``StreamPart``.
@@ -46,6 +46,7 @@ class WatchedWindows:
     ends_ns: list[int] = field(default_factory=list)
     errors: list[Array] = field(default_factory=list)
     faults: list[Array] = field(default_factory=list)
+    units: list[Array] = field(default_factory=list)
     ways: list[tuple[float, float]] = field(default_factory=list)
     jumps: list[Array] = field(default_factory=list)
     places: list[float] = field(default_factory=list)
@@ -56,7 +57,8 @@ class WatchedWindows:
     def drop(self, count: int) -> None:
         """Forget the oldest."""
         every: tuple[list[Any], ...] = (
-            self.ends_ns, self.errors, self.faults, self.ways, self.jumps, self.places,
+            self.ends_ns, self.errors, self.faults, self.units, self.ways, self.jumps,
+            self.places,
         )  # fmt: skip
         for rows in every:
             del rows[:count]
@@ -64,4 +66,5 @@ class WatchedWindows:
     def part(self, shape: tuple[int, int]) -> StreamPart:
         """All of them."""
         faults = np.array(self.faults).reshape(len(self.faults), -1, *shape)
-        return StreamPart(np.array(self.errors), faults, np.array(self.ways), np.array(self.jumps))
+        units, ways, jumps = map(np.array, (self.units, self.ways, self.jumps))
+        return StreamPart(np.array(self.errors), faults, units, ways, jumps)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ from flea_diag.core.frozen import Frozen
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.evidence.sensor_modes import SensorKnowledge, SensorModes
+from flea_diag.stages.evidence.shift_question import LOOKS
 from flea_diag.stages.evidence.signs import signs
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.stages.evidence.stream_evidence import (
@@ -57,8 +58,6 @@ from flea_diag.wire.records import (
 Array = npt.NDArray[np.float64]
 Records = tuple[Record, ...]
 
-LOOKS = 5
-"""Windows from look to look at whether an open episode is over, or was another unit: 1 s."""
 QUIET, SENSOR = "quiet", "test of a single sensor"
 
 
@@ -91,6 +90,12 @@ class EvidenceKnowledge(Frozen):
     def faults(self) -> tuple[str, ...]:
         """Fault of each model."""
         return tuple(model.fault for model in self.hypotheses[0].signatures.models)
+
+    @property
+    def of_any_unit(self) -> EvidenceKnowledge:
+        """Of a unit that the law was not learned from, and of what begins while it runs."""
+        another, limits = self.hypotheses[1], self.limits._replace(before=math.inf)
+        return replace(self, hypotheses=(another, another), limits=limits)
 
     def stream(self) -> StreamEvidence:
         """Evidence of one stream."""

@@ -86,6 +86,8 @@ class StreamEvidence:
         self._changed: StreamChange | None = None
         self.other_unit = -1
         """Window with which another unit took over; -1: none has."""
+        self.may_be_unit = False
+        """Whether another unit is beyond its limit, be something else likelier or not."""
 
     @property
     def hypotheses(self) -> StreamHypotheses:
@@ -108,11 +110,11 @@ class StreamEvidence:
         self._bank.add(window)
         if self._changed is not None:
             self._changed.evidence.add(window)
-            return self._told(self._changed)
+            return self.told(self._changed)
         if not self._bank.is_due or self._bank.windows <= ONSET_WINDOWS:
             return None
         self._changed = self._change()
-        return None if self._changed is None else self._told(self._changed)
+        return None if self._changed is None else self.told(self._changed)
 
     def _change(self) -> StreamChange | None:
         """The onset of the most likely change, where one is beyond its limit."""
@@ -131,7 +133,7 @@ class StreamEvidence:
         onsets = dict.fromkeys(self.begun + int(self._bank.onsets[place]) for place in places)
         return self.of_fault(tuple(onsets)[:MOST_ONSETS], float(limits[at]))
 
-    def _told(self, change: StreamChange) -> Found | None:
+    def told(self, change: StreamChange) -> Found | None:
         """What a change was, once it is told: a fault, another unit, or nothing after all."""
         evidence = change.evidence
         if not evidence.windows:
@@ -142,6 +144,7 @@ class StreamEvidence:
         unit = weighed.unit if self.other_unit < 0 else -np.inf
         over, more = alone - weighed.healthy, patience(evidence.windows)
         best, limit = int(over.argmax()), more * change.limit
+        self.may_be_unit = unit > change.limit
         if over[best] > limit and alone.max() - unit > more * APART_NATS:
             return Found(best, float(over[best]), change)
         if unit > limit and with_unit.max() > limit:

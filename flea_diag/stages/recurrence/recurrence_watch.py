@@ -175,7 +175,7 @@ class RecurrenceWatch:
         """Take scans of one piece."""
         k = self._k
         self._last_ns = int(block.stamps_ns[-1])
-        placed = _placed(block, k.position)
+        placed = placed_along(block, k.position)
         jumps = [n for n, name in enumerate(block.regressor_names) if name.startswith("jump_")]
         begun = 0
         for number, window in self._columns.add(placed):
@@ -209,6 +209,7 @@ class RecurrenceWatch:
         kept.ends_ns.append(end_ns)
         kept.errors.append(row.errors)
         kept.faults.append(row.faults)
+        kept.units.append(row.unit)
         load = float(np.sign(np.median(window.read[:, k.load])))
         kept.ways.append((float(k.hypotheses.friction.way(window)), load))
         kept.jumps.append(jump)
@@ -299,7 +300,7 @@ class RecurrenceWatch:
         )
 
 
-def _placed(block: ResidualBlock, position: str) -> ResidualBlock:
+def placed_along(block: ResidualBlock, position: str) -> ResidualBlock:
     """The same residuals with the place along the stroke; NaN where nothing reads it."""
     names = block.regressor_names
     place = np.full(len(block), math.nan)

@@ -54,7 +54,12 @@ class FaultCases:
     low: float = parameter(0.0, "smallest size")
     high: float = parameter(0.0, "largest size; 0: the catalogue's default")
     either_sign: bool = parameter(False, "the sign of the size is drawn as well")
-    switched: bool = parameter(False, "the fault comes with a switch to a faulty unit")
+    switched: bool = parameter(
+        False, "the fault, if any, comes with a switch to the unit that has it"
+    )
+    warmer_k: float = parameter(
+        0.0, "by how much that unit is warmer at the start", unit="K", minimum=-20.0, maximum=60.0
+    )
     sizes: tuple[float, ...] = field(default=())
     """A ladder of sizes, used in turn, instead of draws between low and high."""
 

@@ -53,7 +53,8 @@ def stream(signal: Array, share: Array, ways: Array | None = None) -> StreamPart
     faults = np.stack((swinging(), np.ones(WINDOWS)), axis=-1)[:, None, :, None]
     errors = (noise + 30.0 * share * signal)[:, None]
     other = np.zeros((WINDOWS, 1)) if ways is None else ways[:, None]
-    return StreamPart(errors, faults, other, np.zeros((WINDOWS, 1)))
+    unit = np.abs(swinging())[:, None, None]
+    return StreamPart(errors, faults, unit, other, np.zeros((WINDOWS, 1)))
 
 
 def found(part: StreamPart, reading: int = -1) -> list[RecurringFault]:
@@ -72,6 +73,11 @@ def test_each_time_is_counted_and_its_size_is_told() -> None:
 def test_a_fault_that_stays_comes_and_goes_by_what_it_acts_by() -> None:
     """Its current swings through zero: bursts by the dozen, and no coming and going."""
     assert found(stream(swinging(), np.ones(WINDOWS))) == []
+
+
+def test_another_unit_stays_though_no_fault_looks_like_it() -> None:
+    """It shows with the size of a current, as friction of a unit does with that of a load."""
+    assert found(stream(np.abs(swinging()), np.ones(WINDOWS))) == []
 
 
 def test_what_is_there_in_one_direction_alone_may_stay() -> None:

@@ -290,6 +290,13 @@ def test_a_ladder_takes_each_size_with_every_motion() -> None:
     assert {scenario.run.unit_spread for _, scenario in made} == {0.5}
 
 
+def test_a_healthy_unit_can_take_over() -> None:
+    row = CampaignRow("Healthy", "", 4, switched=True, warmer_k=8.0)
+    made = [scenario for _, scenario in draw((row,), 3, Shared(20.0, 9.0, 11.0))]
+    assert all(9.0 <= each.switch.at_s <= 11.0 and not each.faults for each in made)
+    assert {(each.switch.to, each.switch.warmer_k) for each in made} == {("X", 8.0)}
+
+
 def test_the_spread_between_units_can_be_stated() -> None:
     wide = scenario_from_mapping({"spread": {"viscous_friction_n_s_m": 0.6}}, "test")
     stands = [

@@ -1,0 +1,93 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a shift is, by the law: a fault, or another unit.
+
+The windows of the law before and since are weighed together. Where another unit is not beyond its
+limit, a shift is a fault at once. That it is one holds until later windows tell another unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import Enum, auto
+
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS
+from flea_diag.stages.evidence.stream_evidence import Found, StreamEvidence
+
+LOOKS = 5
+"""Windows from look to look at whether an open episode is over, or was another unit: 1 s."""
+
+
+class ShiftAnswer(Enum):
+    """What a shift is; ``FAULT`` also where the law has seen enough of it and cannot tell."""
+
+    UNTOLD = auto()
+    FAULT = auto()
+    OTHER_UNIT = auto()
+
+
+class ShiftQuestion:
+    """Asked with the windows up to a shift.
+
+    Attributes
+    ----------
+    answer
+        As far as is known. A fault that came with another unit is a fault.
+    """
+
+    def __init__(self, stream: StreamEvidence, windows: Iterable[LawWindow]) -> None:
+        self._stream = stream
+        self._found: Found | None = None
+        self._asked = 0
+        self.answer = self._told(windows)
+
+    def add(self, window: LawWindow) -> bool:
+        """Take one more window; whether the answer is another one now."""
+        before = self.answer
+        self._asked += 1
+        if before is ShiftAnswer.OTHER_UNIT:
+            return False
+        answer = self._told((window,)) if self._found is None else self._kept(self._found, window)
+        if answer is not ShiftAnswer.UNTOLD:
+            self.answer = answer
+        return self.answer is not before
+
+    def _kept(self, found: Found, window: LawWindow) -> ShiftAnswer:
+        """Whether a fault still is one; looked at now and then."""
+        self._take(found, window)
+        change = found.change
+        if self._asked % LOOKS == 0 and self._stream.was_unit(change, change.evidence.weighed()):
+            return ShiftAnswer.OTHER_UNIT
+        return ShiftAnswer.FAULT
+
+    def _take(self, found: Found, window: LawWindow) -> None:
+        self._stream.history.add(window)
+        found.change.evidence.add(window)
+
+    def _told(self, windows: Iterable[LawWindow]) -> ShiftAnswer:
+        """By all of these windows: what the first ones tell, the others may tell better."""
+        stream, rest = self._stream, iter(windows)
+        found = next(filter(None, map(stream.add, rest)), None)
+        later = list(rest)
+        if found is not None and later:
+            for window in later:
+                self._take(found, window)
+            found = stream.told(found.change)
+        self._found = found
+        if stream.other_unit > 0:
+            return ShiftAnswer.OTHER_UNIT
+        waits = found is None and stream.may_be_unit and self._asked < TOLD_WINDOWS
+        return ShiftAnswer.UNTOLD if waits else ShiftAnswer.FAULT

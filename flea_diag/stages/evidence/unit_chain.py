@@ -1,0 +1,118 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The observer's chain, which asks the law whether a shift is a fault or another unit.
+
+A shift test holds a run against its own earlier level, which is that of one unit. Where units are
+equally warm, no thermocouple tells that control went over to another one, whose level is another.
+So before a shift opens an episode the windows of the law are weighed (``StreamEvidence``): nothing,
+another unit, or a fault. Another unit begins a new stream, as one that thermocouples tell does;
+anything else opens the episode, at the latest when the law has seen as much as it takes to tell.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
+from flea_diag.stages.evidence.shift_question import ShiftAnswer, ShiftQuestion
+from flea_diag.stages.observer.channels import ChannelReadings
+from flea_diag.stages.observer.observer_chain import ObserverChain
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.observer.residual_records import ResidualRecords
+from flea_diag.stages.observer.residual_stream import StreamOutput
+from flea_diag.stages.recurrence.recurrence_watch import placed_along
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.records import Record
+
+KEPT_S = 20.0
+"""History that is weighed: as long as the earlier level of a shift."""
+
+
+class UnitChain(ObserverChain):
+    """See the module's first lines."""
+
+    def __init__(
+        self, knowledge: EvidenceKnowledge, calibration: Calibration, effects: EffectSet,
+        parameters: ObserverParameters,
+    ) -> None:  # fmt: skip
+        self._k = knowledge.of_any_unit
+        rows = effects.residuals
+        # A predicted temperature follows its sensor while nothing deviates: it keeps no change.
+        self._slow = np.array([name in rows.predictions for name in knowledge.relations])
+        super().__init__(calibration, effects, parameters)
+        self._position = rows.position if rows.position in effects.names else ""
+        self._records = ResidualRecords(rows, calibration, self.stream.regressor_names)
+
+    def _renew(self) -> None:
+        super()._renew()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing so far counts."""
+        self._columns = self._k.columns()
+        self._windows: deque[LawWindow] = deque(maxlen=round(KEPT_S / WINDOW_S))
+        self._question: ShiftQuestion | None = None
+        """Of a shift that has not opened an episode yet, or of the one that opened it."""
+
+    def happens(self, block: ScanBlock, output: StreamOutput) -> int:
+        """The first scan with which the detection causes a record, or the law has its answer."""
+        waits, first = self._is(ShiftAnswer.UNTOLD), super().happens(block, output)
+        answered = self._add(block, output)
+        return answered if waits else min(first, answered)
+
+    def detect(self, block: ScanBlock, output: StreamOutput) -> tuple[Record, ...]:
+        """Records of the detection that one scan causes."""
+        self._add(block, output)
+        if self._question is None and not self.episode.is_open and self._shifts(output):
+            self._question = ShiftQuestion(self._k.stream(), self._windows)
+        if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):
+            return ()
+        caused = super().detect(block, output)
+        if not self.episode.is_open:
+            self._question = None
+        return caused
+
+    def _is(self, answer: ShiftAnswer) -> bool:
+        return self._question is not None and self._question.answer is answer
+
+    def _add(self, block: ScanBlock, output: StreamOutput) -> int:
+        """Take the windows that these scans complete; the first scan that answers, or n."""
+        answered = len(block)
+        if self.stream.learns:  # until its zeros are known, a residual is another quantity
+            return answered
+        placed = placed_along(self._records.block(block, output), self._position)
+        for number, window in self._columns.add(placed):
+            kept = replace(window, values=np.where(self._slow, np.nan, window.values))
+            self._windows.append(kept)
+            if self._question is not None and self._question.add(kept):
+                answered = min(answered, number)
+        return answered
+
+    def _shifts(self, output: StreamOutput) -> bool:
+        """Whether something deviates, and all that does has left its own earlier level."""
+        results = output.results
+        deviating = results.deviating()[0]
+        return bool(deviating.any()) and not np.isnan(results.shift[0, deviating]).any()
+
+    def other_unit(self, reading: ChannelReadings) -> int:
+        """The first scan at which another unit is in use, or n."""
+        return 0 if self._is(ShiftAnswer.OTHER_UNIT) else super().other_unit(reading)

@@ -1,0 +1,121 @@
+# Copyright 2026 flea_diag maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Control goes over to another unit that is as warm: quiet, and a fault all the same where one is.
+
+Runs of the simulated stand, on which the law of its calibration was not learned.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pytest
+from support.stand_runs import scenario
+
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.evaluate.case_run import diagnose, in_blocks
+from flea_diag.wire.records import (
+    ANOTHER_UNIT,
+    AmbiguityGroup,
+    ChannelTable,
+    Detection,
+    Outcome,
+    Record,
+    Scan,
+)
+from flea_sim_driver.stand import SimulatedStand
+
+pytestmark = pytest.mark.slow
+
+SWITCH_S = 15.0
+MOTION = {"kind": "sine", "amplitude_m": 0.0218, "frequency_hz": 0.5, "centre_m": 0.045}
+
+
+@cache
+def recorded(seed: int, **more: Any) -> tuple[Record, ...]:
+    """Half a minute; ``more``: a fault and its size, on the unit of the start or of the switch."""
+    values = {"motion": MOTION, "duration_s": 30.0, "seed": seed}
+    switch = {"switch": {"at_s": SWITCH_S, "to": "X"}} if more.pop("switched", True) else {}
+    unit = {"unit": "X"} if switch else {"onset_s": SWITCH_S}
+    faults = {"faults": [{**more, **unit}]} if more else {}
+    stand = SimulatedStand(scenario(**values, **switch, **faults))
+    return tuple(record for record in stand if isinstance(record, ChannelTable | Scan))
+
+
+def told(run: tuple[Record, ...]) -> tuple[list[Detection], AmbiguityGroup]:
+    """Detections of a run, and its last verdict."""
+    kept = diagnose(iter(run), make_pipeline(load_stand("flea"))).kept
+    groups = [record for record in kept if isinstance(record, AmbiguityGroup)]
+    return [record for record in kept if isinstance(record, Detection)], groups[-1]
+
+
+@pytest.mark.parametrize("seed", [5003, 5014])
+def test_another_healthy_unit_is_recognised_by_its_level_alone(seed: int) -> None:
+    """Each was called a scaled load cell."""
+    run = recorded(seed)
+    detections, last = told(run)
+    assert [(d.detected, d.test) for d in detections] == [(False, ANOTHER_UNIT)]
+    since_s = (detections[0].stamp_ns - run[1].stamp_ns) / 1e9 - SWITCH_S
+    assert 0.0 < since_s < 6.0
+    assert last.outcome is Outcome.NOMINAL
+    assert "unit exchanged" in last.words
+
+
+def test_what_looked_like_a_fault_at_first_is_closed_as_another_unit() -> None:
+    """Its voltage is off by half a volt, which is one error of one reading until it has moved."""
+    detections, last = told(recorded(5018))
+    assert [(d.detected, d.test == ANOTHER_UNIT) for d in detections] == [
+        (True, False),
+        (False, True),
+    ]
+    assert last.outcome is Outcome.NOMINAL
+
+
+@pytest.mark.parametrize(
+    ("fault", "size"),
+    [("winding_resistance_rise", 0.4), ("load_force_scaling", 1.25), ("motor_current_bias", 0.4)],
+)
+def test_a_fault_within_what_units_differ_by_is_no_other_unit(fault: str, size: float) -> None:
+    """One parameter has changed, and all others are what they were."""
+    detections, last = told(recorded(5003, switched=False, fault=fault, size=size))
+    assert [d.detected for d in detections] == [True]
+    assert fault in {member.fault for member in last.members}
+
+
+def test_a_jammed_unit_that_is_as_warm_is_found() -> None:
+    detections, last = told(recorded(5018, fault="jam", size=1.0))
+    assert any(d.detected for d in detections)
+    assert {"jam"} <= {member.fault for member in last.members} <= {"jam", "ball_nut_friction"}
+
+
+def test_scans_one_by_one_say_the_same_as_in_blocks() -> None:
+    run = recorded(5014)
+    alone, together = (make_pipeline(load_stand("flea")) for _ in range(2))
+    single = [said for record in run for said in alone.handle(record)]
+    blocks = [
+        said
+        for record in in_blocks(iter(run))
+        for said in (
+            together.handle(record) if isinstance(record, ChannelTable) else
+            together.handle_block(record)
+        )
+    ]  # fmt: skip
+    of_one, of_many = (
+        [r for r in every if isinstance(r, Detection | AmbiguityGroup)]
+        for every in (single, blocks)
+    )
+    assert repr(of_one) == repr(of_many)
