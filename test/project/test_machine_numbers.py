@@ -96,6 +96,7 @@ GENERAL: dict[Row, str] = {
     ("run_law/run_windows.py", "WINDOW_S", 0.2): "the shortest delay that matters",
     ("sizes/recording_sizes.py", "PIECE_S", 4.0): "longer than the noise is coloured",
     ("sizes/recording_sizes.py", "SETTLES_S", 1.0): "three kernels of the smoothing",
+    ("sizes/size_watch.py", "FROM_S", 3.0): "longer than records wait for one another",
     ("sizes/size_watch.py", "EACH_S", 20.0): "some pieces, by whose scatter its error is known",
     ("run_law/visible_sizes.py", "FOLLOWED_S", 10.0): "time to a detection",
     ("run_law/time_constant.py", "TAUS_S", (30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)): (

@@ -47,6 +47,8 @@ Records = tuple[Record, ...]
 
 FOLLOWED = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 """Outcomes whose most probable fault with a size is followed."""
+FROM_S = 3.0
+"""After the verdict: longer than the isolator holds records back for those of other topics."""
 EACH_S = 20.0
 """Of the motion of one size at first: some pieces by whose scatter its error is known."""
 MOST_KEPT = 64
@@ -104,7 +106,7 @@ class SizeWatch:
             return  # its size is that of a feature
         self._fault, self._episode = fault, group.episode
         self._each_ns = round(EACH_S * 1e9)
-        self._next_ns = group.stamp_ns + self._each_ns
+        self._next_ns = group.stamp_ns + round(FROM_S * 1e9) + self._each_ns
         self._of: RecordingSize | None = None
         self._middles_ns: list[int] = []
         self._series: SizeSeries | None = None
