@@ -14,8 +14,8 @@
 
 """Which decisions on the real recordings a change alters: printed by ``scripts/check``.
 
-    python bench/decisions.py           compare with what is kept, and say what changed
-    python bench/decisions.py --keep    keep the decisions of now, after reading what changed
+    bench/results/decisions.py           compare with what is kept, and say what changed
+    bench/results/decisions.py --keep    keep the decisions of now, after reading what changed
 
 Every second nominal recording of the FLEA calibrates; the others and all faulty ones are
 diagnosed as a user would, by the commands. A change is no error: it is there to be read.
@@ -32,7 +32,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "test" / "expected_decisions" / "real" / "flea.json"
 OF_A_RUN = ("bag", "outcome", "ambiguity_group", "decision_digest", "backend")
 OF_AN_EPISODE = ("outcome", "detected_at_s", "ambiguity_group")
