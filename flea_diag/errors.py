@@ -99,6 +99,10 @@ class ModelError(FleaError):
     """A bond graph has no valid causality, or its equations cannot be formed."""
 
 
+class InvariantError(FleaError):
+    """What must hold for a verdict to be right does not: a defect of the diagnosis."""
+
+
 def shown(value: object) -> str:
     """Value as an error message quotes it: its literal in at most 80 characters of one line.
 

@@ -28,6 +28,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flea_diag.core.invariant import ordered
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import ChannelTable, DataQuality, Detection, Record, Remark, Symbols
 from flea_diag.wire.topics import TOPIC_OF
@@ -120,7 +121,8 @@ class Merge:
         stamp = self._waiting[0][0]
         if not everything and stamp > self._due_ns():
             return None
-        self._released_ns = max(self._released_ns, stamp)
+        ordered("merge", self._released_ns, stamp)
+        self._released_ns = stamp
         _, rank, _, record = heapq.heappop(self._waiting)
         if not isinstance(record, ResidualBlock):
             self._others -= rank != self._clock_rank

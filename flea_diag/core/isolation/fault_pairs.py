@@ -30,6 +30,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 from flea_diag.core.faults.fault import Fault
+from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
 from flea_diag.core.isolation.pair_gains import pair_gains
@@ -314,6 +315,7 @@ def _members(row: Fitted) -> tuple[Fit, Fit]:
 
 def weighed(pairs: Sequence[FaultPair]) -> tuple[FaultPair, ...]:
     """With probabilities by equal priors, the most probable first."""
+    finite("evidence of pairs", [pair.log_likelihood for pair in pairs])
     best = max(pair.log_likelihood for pair in pairs)
     weights = [math.exp(pair.log_likelihood - best) for pair in pairs]
     shares = [

@@ -31,6 +31,7 @@ from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
+from flea_diag.core.invariant import distribution, finite
 from flea_diag.core.isolation.missing_jump import Jump, begins_with_jump, missing_jump
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.signatures.signature import SignatureTable
@@ -358,6 +359,9 @@ class Isolation:
             if after > 0.0 and hypothesis.probability > 0.0:
                 hypothesis.log_features += math.log(after / hypothesis.probability)
             hypothesis.probability = after
+        shares = [hypothesis.probability for hypothesis in self.alive()]
+        if shares:
+            distribution("probabilities after a feature", shares)
 
     def normalise(self) -> None:
         """Normalise the probabilities of the remaining hypotheses, from equal priors."""
@@ -365,6 +369,7 @@ class Isolation:
         if not alive:
             return
         evidence = [h.log_likelihood + h.log_features for h in alive]
+        finite("evidence of the hypotheses", evidence)
         best = max(evidence)
         weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):

@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.invariant import shaped
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.stages.observer.residual_stream import StreamOutput
@@ -39,6 +40,7 @@ class ResidualRecords:
     def block(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
         """One record for each of these scans."""
         results = output.results
+        shaped("regressors", output.regressors.shape, (len(scans), len(self._regressor_names)))
         return ResidualBlock(
             scans.stamps_ns,
             self._names,
