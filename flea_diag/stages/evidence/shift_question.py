@@ -87,7 +87,7 @@ class ShiftQuestion:
                 self._take(found, window)
             found = stream.told(found.change)
         self._found = found
-        if stream.other_unit > 0:
+        if found is None and stream.other_unit > 0:
             return ShiftAnswer.OTHER_UNIT
         waits = found is None and stream.may_be_unit and self._asked < TOLD_WINDOWS
         return ShiftAnswer.UNTOLD if waits else ShiftAnswer.FAULT

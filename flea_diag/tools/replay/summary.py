@@ -143,7 +143,7 @@ def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
 def _comes_and_goes(last: AmbiguityGroup, start_ns: int) -> dict[str, Any] | None:
     """How the members come and go, None: they stay; a rhythm or a place is None where unknown."""
     for told in last.comes_and_goes:
-        rest = {name: value if math.isfinite(value) else None
+        rest = {name: value if isinstance(value, str) or math.isfinite(value) else None
                 for name, value in asdict(told).items() if not name.endswith("_ns")}  # fmt: skip
         times = told.first_ns, told.last_ns
         first_s, last_s = (_seconds(stamp_ns, start_ns) for stamp_ns in times)

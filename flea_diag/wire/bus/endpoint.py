@@ -353,9 +353,14 @@ class Bus(NodeLog, Generic[P]):
         """Nodes that publish the topic of a record type, with their namespaces; one a publisher."""
         return sources_of(self._node, self.full_name(record_type))
 
-    def wait_for_subscribers(self, *record_types: type, timeout_s: float = 10.0) -> bool:
-        """Spin until each topic has a subscriber; False on timeout."""
-        return self.wait_until(lambda: all(map(self.publishers.matched, record_types)), timeout_s)
+    def wait_for_subscribers(
+        self, *record_types: type, count: int = 1, timeout_s: float = 10.0
+    ) -> bool:
+        """Spin until each topic has ``count`` subscribers; False on timeout."""
+        return self.wait_until(
+            lambda: all(self.publishers.matched(kind) >= count for kind in record_types),
+            timeout_s,
+        )
 
     def wait_until(self, predicate: Callable[[], bool], timeout_s: float) -> bool:
         """Spin until ``predicate`` is true; False on timeout or shutdown."""

@@ -100,7 +100,7 @@ def test_a_disk_that_does_not_answer_for_seconds_costs_no_message(
 ) -> None:
     """Four seconds of scans come meanwhile, four times what a stage keeps of them."""
     gate, bag = tmp_path / "gate", tmp_path / "run"
-    arguments = node("x", "-p", f"directory:={bag}")[3:]
+    arguments = node("x", "-p", f"directory:={bag}")[4:]
     command = [
         sys.executable,
         str(ROOT / "test" / "support" / "programs" / "stalling_recorder.py"),

@@ -27,6 +27,8 @@ from support.decisions import BAGS
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
@@ -72,9 +74,10 @@ def test_one_in_five_lost_is_no_fault() -> None:
 
 @pytest.mark.parametrize("bag", ["winding_short", "live_motor_current_bias"])
 def test_a_fault_is_found_with_one_in_five_lost(bag: str) -> None:
+    """The law, which sees less, may take its two seconds to tell a short from another unit."""
     whole, sparse = diagnosed(bag, lambda _: False), diagnosed(bag, some(3, 0.2))
     assert sparse["ambiguity_group"] == whole["ambiguity_group"]
-    assert sparse["detected_at_s"] == pytest.approx(whole["detected_at_s"], abs=0.3)
+    assert -0.3 < sparse["detected_at_s"] - whole["detected_at_s"] < 0.3 + TOLD_WINDOWS * WINDOW_S
 
 
 def test_a_starved_stream_is_said_and_no_fault() -> None:
