@@ -283,7 +283,7 @@ OTHER_FRICTION = pit_of_another_unit(
 def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
     scenario: dict[str, Any], relations: list[str]
 ) -> None:
-    """Whether the law tells its shift, or that opens an episode, which vibration may have opened."""
+    """Whether the law tells its shift, or that opens an episode that vibration may have opened."""
     pipeline = make_pipeline(load_stand())
     made = [r for r in records(**scenario, sensors={}) if not isinstance(r, Truth)]
     out = [*stands.said_in_blocks(pipeline, made)]
