@@ -167,9 +167,10 @@ class SizeWatch:
             np.einsum("kt,ktd->kd", weights, s.from_unit[:even].reshape(even // 2, 2, -1)),
         )
         self._middles_ns = [
-            *(stamps.sum(axis=1) // 2).tolist(),
+            *(stamps[:, 0] + np.rint(weights[:, 1] * np.diff(stamps)[:, 0]).astype(int)).tolist(),
             *self._middles_ns[even:],
         ]
+        self._next_ns += self._each_ns  # of the one that has just begun
         self._each_ns *= 2
         return _joined(halved, s.part(slice(even, None)))
 
