@@ -30,6 +30,7 @@ from scipy.signal import lfilter
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.machine.machine import Limits
 from flea_sim_driver.scenario.flight import Flight
+from flea_sim_driver.scenario.live_command import lag
 
 Array = npt.NDArray[np.float64]
 Shape = Callable[[Array, np.random.Generator], Array]
@@ -93,11 +94,9 @@ def _gust(rms: float, scale_s: float, *, vertical: bool = True) -> Shape:
         if vertical:  # (1 + sqrt(3) L s / V) / (1 + L s / V)^2
             zero = np.exp(-ROW_S / (np.sqrt(3.0) * scale_s))
             forming = ([1.0, -zero], [1.0, -2.0 * pole, pole**2])
-        lag = np.exp(-ROW_S * SERVO_RAD_S)
-        servo = ([(1.0 - lag) ** 2], [1.0, -2.0 * lag, lag**2])
         path = np.concatenate(([1.0], np.zeros(round(20.0 * scale_s / ROW_S))))
         noise = draw.standard_normal(len(time_s))
-        for top, bottom in (forming, servo):
+        for top, bottom in (forming, lag(SERVO_RAD_S, ROW_S)):
             path, noise = lfilter(top, bottom, path), lfilter(top, bottom, noise)
         return np.asarray(rms * noise / np.sqrt(np.sum(path**2)))
 

@@ -32,8 +32,15 @@ from flea_sim_driver.plant.plant import STEP_S
 Array = npt.NDArray[np.float64]
 FOLLOWS_RAD_S = 20.0
 """Bandwidth of the lag: what a bus of 10 Hz sends becomes a smooth motion."""
-_KEPT = math.exp(-FOLLOWS_RAD_S * STEP_S)
-_LAG = ([(1.0 - _KEPT) ** 2], [1.0, -2.0 * _KEPT, _KEPT**2])
+
+
+def lag(bandwidth_rad_s: float, step_s: float) -> tuple[list[float], list[float]]:
+    """Two equal lags in a row as a filter: numerator and denominator for ``lfilter``."""
+    kept = math.exp(-bandwidth_rad_s * step_s)
+    return [(1.0 - kept) ** 2], [1.0, -2.0 * kept, kept**2]
+
+
+_LAG = lag(FOLLOWS_RAD_S, STEP_S)
 
 
 class FollowedValue:
@@ -42,7 +49,7 @@ class FollowedValue:
     def __init__(self, start: float, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._step = low, high, rate * STEP_S
         self._wanted = self._at = start
-        self._state = start * np.array([1.0 - _LAG[0][0], -(_KEPT**2)])
+        self._state = start * np.array([1.0 - _LAG[0][0], -_LAG[1][2]])
         self.refused = 0
         """Values that were no number within the limits."""
 
