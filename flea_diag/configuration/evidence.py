@@ -27,7 +27,7 @@ from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
-from flea_diag.core.isolation.isolation import steps
+from flea_diag.core.isolation.predicted_symbols import steps
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters

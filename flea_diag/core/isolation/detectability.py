@@ -29,7 +29,7 @@ from collections.abc import Mapping, Sequence
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
-from flea_diag.core.isolation.isolation import JUMP_MODES, OWN_TESTS
+from flea_diag.core.isolation.predicted_symbols import JUMP_MODES, OWN_TESTS
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.run_law.run_law import VisibleSize
 

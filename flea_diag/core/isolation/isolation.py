@@ -24,81 +24,21 @@ assumption.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.invariant import distribution, finite
+from flea_diag.core.isolation.hypothesis import ConsistencyCheck, Hypothesis
 from flea_diag.core.isolation.missing_jump import Jump, begins_with_jump, missing_jump
+from flea_diag.core.isolation.predicted_symbols import PredictedSymbols
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.signatures.signature import SignatureTable
 
-JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")
-"""Modes that step. The position of a mass cannot jump: no fault of the plant has an effect of order
-0 on it, so only the sensor's own faults move the residual that is its step."""
-OWN_TESTS: Mapping[str, Mapping[str, str]] = {
-    "noise": {"noise": "+", "dropout": "*", "dead": "-"},
-    "stuck": {"dead": "+"},
-    "dropout": {"dropout": "+"},
-}
-"""Effect of the modes of a sensor fault on the tests of that sensor alone (``sensor_tests``)."""
-DEFINED_BY = {
-    "noise": (("noise", "+"),),
-    "dropout": (("dropout", "+"),),
-    "dead": (("stuck", "+"), ("noise", "-")),
-}
-"""Modes defined by such a test: ruled out if none of these symbols appears in time."""
 KNOWN = 3e-3
 """Share to which the signals are known that effects are made of: an effect that is off by it leaves
 this share squared of the likelihood ratio unexplained."""
-IMMEDIATE_MODES = ("noise", "dropout")
-"""Modes that the sensor's own test detects no later than any mean of a relation does; loss of noise
-and held readings take longer."""
-
-
-@dataclass(frozen=True, slots=True)
-class ConsistencyCheck:
-    """One observation compared with the prediction of one hypothesis."""
-
-    stamp_ns: int
-    source: str
-    observed: str
-    predicted: str
-    kept: bool
-    words: str
-    path: str = ""
-
-
-@dataclass
-class Hypothesis:
-    """A fault under consideration; ``why_dropped`` is empty while it is alive.
-
-    ``log_features``: log-likelihood added by feature values, up to a constant of the group.
-    ``why_kept``: what speaks for it.
-    """
-
-    fault: Fault
-    checks: list[ConsistencyCheck] = field(default_factory=list)
-    why_dropped: str = ""
-    why_kept: str = "consistent with all evidence so far"
-    log_likelihood: float = 0.0
-    log_features: float = 0.0
-    fit: Fit | None = None
-    probability: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """Fault id."""
-        return self.fault.name
-
-    def add(self, check: ConsistencyCheck) -> None:
-        """Record a check; the first contradiction drops the hypothesis for good."""
-        self.checks.append(check)
-        if not check.kept and not self.why_dropped:
-            self.why_dropped = f"{check.source}: {check.words}"
 
 
 class Isolation:
@@ -110,7 +50,7 @@ class Isolation:
         tables: Mapping[Quadrant, SignatureTable],
         sensors: SensorSymptoms,
     ) -> None:
-        self._tables, self._sensors = tables, sensors
+        self.symbols = PredictedSymbols(tables, sensors)
         self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
         self._seen: dict[str, tuple[str, tuple[Quadrant, ...]]] = {}
         self.overruled: set[str] = set()
@@ -150,7 +90,8 @@ class Isolation:
         visited = tuple(quadrants)
         self._seen[residual] = magnitude, visited
         judged = [
-            (h, *self._judge(h.fault, residual, magnitude, slope, visited)) for h in self.alive()
+            (h, *self.symbols.judge(h.fault, residual, magnitude, slope, visited))
+            for h in self.alive()
         ]
         overruled = settled and not any(kept for _, kept, _, _ in judged)
         if overruled and judged:
@@ -172,24 +113,6 @@ class Isolation:
             )
         self.normalise()
 
-    def _judge(
-        self,
-        fault: Fault,
-        residual: str,
-        magnitude: str,
-        slope: str,
-        visited: tuple[Quadrant, ...],
-    ) -> tuple[bool, FaultSignature, str]:
-        predictions = list(self._predictions(fault, residual, visited))
-        last = UNAFFECTED, "this fault does not affect this residual"
-        for signature in predictions:
-            verdict = compatible(signature, magnitude, slope)
-            if verdict:
-                return True, signature, verdict.reason
-            if signature.affected:
-                last = signature, verdict.reason
-        return False, *last
-
     @property
     def seen(self) -> frozenset[str]:
         """Residuals that have deviated."""
@@ -204,31 +127,10 @@ class Isolation:
             name: frozenset(
                 residual
                 for residual, (magnitude, visited) in self._seen.items()
-                if self._judge(h.fault, residual, magnitude, "?", visited)[0]
+                if self.symbols.judge(h.fault, residual, magnitude, "?", visited)[0]
             )
             for name, h in self.hypotheses.items()
         }
-
-    def _predictions(
-        self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
-    ) -> Iterable[FaultSignature]:
-        channel, _, test = residual.rpartition("_")
-        if test in OWN_TESTS:
-            yield _own(fault, (channel,), OWN_TESTS[test].get(fault.mode, "0"), test)
-            return
-        if residual in self._sensors.positions:
-            yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
-            for quadrant in visited:
-                yield from steps(fault, self._tables[quadrant], self._sensors)
-            return
-        if residual in self._sensors.own:
-            yield _own(fault, self._sensors.own[residual], "*", "level")
-            return
-        for quadrant in visited:
-            table = self._tables[quadrant]
-            for variant in table.variants[fault.name]:
-                if residual in variant.row:
-                    yield variant.row[residual]
 
     def require(
         self,
@@ -246,47 +148,11 @@ class Isolation:
         ``followed_s``: time since then.
         """
         for hypothesis in self.alive():
-            absent = self.absent(hypothesis.fault, symbols, moved, settled, followed_s)
+            absent = self.symbols.absent(hypothesis.fault, symbols, moved, settled, followed_s)
             if absent is not None:
                 source, seen, words = absent
                 hypothesis.add(ConsistencyCheck(stamp_ns, source, seen, "", False, words))
         self.normalise()
-
-    def absent(
-        self,
-        fault: Fault,
-        symbols: Mapping[str, str],
-        moved: Collection[str],
-        settled: bool = True,
-        followed_s: float = math.inf,
-    ) -> tuple[str, str, str] | None:
-        """Source, symbol and words of what defines a fault and is absent; as of ``require``."""
-        shown_s = self._sensors.death_s.get(fault.channel, 0.0)
-        unseen = fault.channel in self._sensors.death_unseen or followed_s < shown_s
-        if fault.mode == "dead" and unseen:
-            return None
-        defining = DEFINED_BY.get(fault.mode, ())
-        tests = [f"{fault.channel}_{test}" for test, _ in defining]
-        source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
-        if fault.mode == "dead" and fault.channel in self._sensors.motion:
-            # A channel whose reading still follows the motion is not dead.
-            source, words = fault.channel, f"{fault.channel} still follows the motion"
-            ruled_out = fault.channel in moved
-        else:
-            words = f"{fault.channel} shows no symptom of {fault.mode}"
-            wanted = [symbol for _, symbol in defining]
-            timely = settled or self._shows_at_once(fault, symbols)
-            ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
-        return (source, "".join(seen[:1]), words) if ruled_out else None
-
-    def _shows_at_once(self, fault: Fault, symbols: Collection[str]) -> bool:
-        """Whether the sensor's own test responds first: neither its jump nor a twin has deviated.
-
-        Twins read one motion: faults of either show in their difference before its own test.
-        """
-        jumped = fault.channel in self._sensors.positions and fault.channel in symbols
-        twins = any(name in symbols for name in self._sensors.twins)
-        return fault.mode in IMMEDIATE_MODES and not jumped and not twins
 
     def apply_likelihoods(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
         """Apply likelihoods; drop faults that are ``drop_nats`` below the most likely one.
@@ -374,19 +240,3 @@ class Isolation:
         weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):
             hypothesis.probability = weight / sum(weights)
-
-
-def steps(fault: Fault, table: SignatureTable, sensors: SensorSymptoms) -> Iterator[FaultSignature]:
-    """Of a fault of the plant with which the difference of two positions jumps: one steps."""
-    for variant in () if fault.channel else table.variants[fault.name]:
-        for twin in sensors.stretched:
-            found = variant.row.get(twin, UNAFFECTED)
-            if found.affected and found.order == 0:
-                yield FaultSignature("*", "*", 0, found.path)
-
-
-def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:
-    """Signature of a residual that only the faults of its own sensors can move."""
-    if fault.channel not in channels or symbol == "0":
-        return UNAFFECTED
-    return FaultSignature(symbol, "*", 0, f"{fault.name} -> {what} of {fault.channel}")

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.evidence.change_evidence import ChangeEvidence
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
-from flea_diag.core.isolation.isolation import ConsistencyCheck
+from flea_diag.core.isolation.hypothesis import ConsistencyCheck
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.stages.evidence.evidence_group import EvidenceGroup
 from flea_diag.stages.isolator.fault_episode import FaultEpisode

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 
 from flea_diag.core.evidence.fault_evidence import OnsetWeighed
 from flea_diag.core.evidence.goodness import contradicted
-from flea_diag.core.isolation.isolation import Hypothesis
+from flea_diag.core.isolation.hypothesis import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.evidence.evidence_episode import EvidenceEpisode
 from flea_diag.stages.isolator.fault_episode import FaultEpisode

@@ -28,7 +28,7 @@ import numpy as np
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.isolation.isolation import DEFINED_BY, JUMP_MODES, OWN_TESTS
+from flea_diag.core.isolation.predicted_symbols import DEFINED_BY, JUMP_MODES, OWN_TESTS
 from flea_diag.stages.observer.detection_episode import QUIET
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import NEVER_NS

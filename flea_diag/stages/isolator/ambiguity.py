@@ -20,7 +20,7 @@ from collections.abc import Collection, Sequence
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.core.isolation.isolation import Hypothesis
+from flea_diag.core.isolation.hypothesis import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.isolability import computable, isolable
 from flea_diag.core.residuals.residual_rows import ResidualSet

@@ -21,7 +21,8 @@ from dataclasses import dataclass, field, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.isolation.fault_pairs import members
-from flea_diag.core.isolation.isolation import Hypothesis, Isolation
+from flea_diag.core.isolation.hypothesis import Hypothesis
+from flea_diag.core.isolation.isolation import Isolation
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode

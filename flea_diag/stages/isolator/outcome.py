@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
-from flea_diag.core.isolation.isolation import Hypothesis
+from flea_diag.core.isolation.hypothesis import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.ambiguity import Ambiguity

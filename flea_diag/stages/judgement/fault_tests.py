@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.detectability import smallest_detectable_offsets
-from flea_diag.core.isolation.isolation import JUMP_MODES, OWN_TESTS
+from flea_diag.core.isolation.predicted_symbols import JUMP_MODES, OWN_TESTS
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.judgement.tested import tested_names

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from flea_diag.core.faults.response import Response
 from flea_diag.core.isolation.fault_pairs import FaultPair, members
-from flea_diag.core.isolation.isolation import Hypothesis
+from flea_diag.core.isolation.hypothesis import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.stages.isolator.fault_episode import FaultEpisode

@@ -190,7 +190,7 @@ class SecondFaultSearch:
             for name, found in isolation.predicted().items()
             if self._models[name][0].sizes or found
             if name in firsts
-            or not isolation.absent(
+            or not isolation.symbols.absent(
                 isolation.hypotheses[name].fault, symbols, moved, True, followed_s
             )
         }
