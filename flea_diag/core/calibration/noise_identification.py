@@ -46,7 +46,7 @@ Array = npt.NDArray[np.float64]
 FACTORS = (2.0, math.sqrt(2.0))
 PIECES = 4  # assumption: size of a sample
 PIECE_SCANS = 300  # assumption: size of a sample
-SETTLE_SCANS = 50  # assumption
+SETTLE_SCANS = 50  # assumption: scans until the filter has forgotten its start
 FREEDOM = 8.0
 """Degrees of freedom of Student's t distribution, assumed for the innovations."""
 

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-CONFIDENCE = 0.95  # convention
+CONFIDENCE = 0.95  # the usual one; the words that are printed state it
 FALSE_ALARMS_PER_HOUR = 0.1
 """Stated rate, unless another is asked for."""
 LEAST_RECORDINGS = 3

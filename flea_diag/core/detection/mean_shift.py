@@ -47,6 +47,7 @@ Counts = npt.NDArray[np.int64]
 Memory = tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int]
 
 SHIFT_WINDOWS_S = (2.0, 4.0)
+"""Means compared with the earlier level: the shorter is sooner, the longer sees less."""
 REFERENCE_S, LEAST_S = 20.0, 3.0
 """Longest and shortest mean that is the earlier level."""
 LEAST_ALWAYS_S = 6.0

@@ -31,7 +31,7 @@ Pair = tuple[str, str]
 Place = tuple[int, float]
 """Layer, and position within the layer."""
 
-SWEEPS = 12  # assumption
+SWEEPS = 12  # assumption: by then no drawing of a shipped stand changes any more
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ ABSENT_S = 0.5
 BEYOND_BOUNDS = 1e9
 """No quantity of an actuator is larger in SI units; squares and sums below it stay finite."""
 SATURATED_S = 0.1
+"""At the limit of its range for so long a channel is saturated: a single peak is none."""
 COUNTERS = ("samples", "missing", "stale", "out_of_range", "saturated", "implausible")
 
 

@@ -33,7 +33,7 @@ REVERSAL_N = 5.0  # the FLEA's, assumption
 REVERSAL_S = 0.03
 """Half width of the stretch around a reversal in which backlash strikes."""
 
-LEVEL_S = 0.01  # assumption
+LEVEL_S = 0.01  # one scan at 100 Hz, the finest in which the slow channels can be compared
 WORST_CONDITION = 50.0
 """Largest condition number of the scaled regression; beyond it the coefficients are noise."""
 

@@ -35,7 +35,7 @@ from flea_diag.core.vibration.nominal_range import (
     VibrationOperatingPoint,
 )
 
-BLOCKS = 10  # assumption
+BLOCKS = 10  # assumption: 1 s of blocks of 0.1 s
 RAISED = 6  # assumption: more than half
 SCANS = 10
 """Scans of one block, over which the RMS of speed and load is taken."""

@@ -41,7 +41,7 @@ from flea_diag.wire.records import Residual
 
 Stamps = npt.NDArray[np.int64]
 
-EVALUATE_EVERY_NS = 500_000_000  # assumption
+EVALUATE_EVERY_NS = 500_000_000  # the shortest window of a test: nothing is new before
 
 
 class EpisodeEvaluation:

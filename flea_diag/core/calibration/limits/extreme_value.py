@@ -36,7 +36,8 @@ Array = npt.NDArray[np.float64]
 EULER = 0.5772156649015329  # the mathematical constant
 LEAST_MAXIMA = 20
 """Fewer maxima do not determine a tail: of eight, one that is large doubles the level."""
-MOST_SHAPE = 0.3  # see above
+MOST_SHAPE = 0.3
+"""A few dozen maxima do not show where a tail ends; a larger shape would end it near them."""
 
 
 def l_moments(values: Array) -> tuple[float, float, float]:
