@@ -174,7 +174,7 @@ def test_every_reader_reads_the_old_and_refuses_the_newer(kind: str, tmp_path: P
     assert str(refusal.value).startswith(str(newer))
 
 
-FOREIGN = ("diagnostic_aggregator.yaml", "ros2_medkit_thresholds.yaml")
+FOREIGN = ("diagnostic_aggregator.yaml", "domain_bridge.yaml", "ros2_medkit_thresholds.yaml")
 """Parameters of other programs."""
 SHIPPED = [str(path.relative_to(CONFIG)) for path in sorted(CONFIG.rglob("*.yaml"))]
 

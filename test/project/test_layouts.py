@@ -28,11 +28,12 @@ from support.live import ROOT
 from support.verdicts import NOMINAL, group
 
 from flea_diag.configuration.description import compiled_relations, faults_of
+from flea_diag.operator.state import SHOWN
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.messages.joint_state import KURTOSIS
 from flea_diag.wire.messages.verdict_numbers import verdict_numbers
-from flea_diag.wire.records import ChannelTable, Outcome, Scan
-from flea_diag.wire.topics import TOPIC_NAMED
+from flea_diag.wire.records import ChannelTable, Outcome, Remark, Scan, Truth
+from flea_diag.wire.topics import TOPIC_NAMED, TOPIC_OF
 from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES
 
 FLEA = compiled_relations("actuator.yaml").residuals
@@ -140,3 +141,16 @@ def test_each_status_has_one_place_in_the_aggregator(name: str) -> None:
         )
     ]
     assert len(places) == 1
+
+
+def test_the_domain_bridge_carries_what_a_page_shows() -> None:
+    text = (ROOT / "config" / "domain_bridge.yaml").read_text(encoding="utf-8")
+    topics = yaml.safe_load(text)["topics"]
+    carried = {name.removeprefix("bay_1/"): row for name, row in topics.items()}
+    shown = [TOPIC_OF[kind] for kind in (*SHOWN, Remark) if kind is not Truth]
+    assert set(carried) == {topic.name.lstrip("/") for topic in shown}
+    for topic in shown:
+        row = carried[topic.name.lstrip("/")]
+        assert row["type"] == topic.message
+        assert row.get("qos", {}).get("depth", 10) >= topic.depth
+        assert row.get("bidirectional", False) == (topic.record is Remark)
