@@ -18,9 +18,9 @@ pip install cosmic-ray==8.4.6
 python bench/robustness/mutants.py --count 60 --seed 1 --json mutants.json
 
 cosmic-ray makes the errors: another comparison, another operation, a condition turned round, a
-number one off, a loop that does not run. Each of a sample drawn by the seed is made in a copy of the
-sources; the tests of its package are run first, then those of the stages. Survivors are printed as
-diffs, to be read: some change nothing that can be observed.
+number one off, a loop that does not run. Each of a sample drawn by the seed is made in a copy of
+the sources; the tests of its package are run first, then those of the stages. Survivors are printed
+as diffs, to be read: some change nothing that can be observed.
 """
 
 from __future__ import annotations
