@@ -33,7 +33,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.fault_signatures import SizePrior
-from flea_diag.core.evidence.normal_tail import log_below
 
 Array = npt.NDArray[np.float64]
 
@@ -146,7 +145,9 @@ def _bounds(prior: SizePrior) -> tuple[Array, Array, Array]:
 
 def _share(low: Array, high: Array) -> Array:
     """Log probability of a standard normal variable between two values."""
+    from scipy.special import log_ndtr  # slow to import, and few recordings raise a question
+
     swapped = low > -high  # the lower tail keeps its digits
     a, b = np.where(swapped, -high, low), np.where(swapped, -low, high)
-    upper = log_below(b)
-    return np.asarray(upper + np.log1p(-np.exp(np.minimum(log_below(a) - upper, -1e-15))))
+    upper = log_ndtr(b)
+    return np.asarray(upper + np.log1p(-np.exp(np.minimum(log_ndtr(a) - upper, -1e-15))))
