@@ -106,7 +106,7 @@ P = TypeVar("P")
 
 
 def _joined(name: str, parts: tuple[type, ...]) -> type:
-    """One parameter class with the fields of several; what two of them have is that of the first."""
+    """One parameter class with the fields of several; of two of a name it takes the first."""
     entries: dict[str, Any] = {}
     for entry in (entry for part in parts for entry in fields(part)):
         entries.setdefault(entry.name, entry)
