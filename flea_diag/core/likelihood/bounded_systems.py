@@ -140,8 +140,7 @@ def _sizes(model: FaultModel | None) -> tuple[Size, ...]:
 
 
 def _least(A: Array, b: Array) -> Array:
-    x: Array = np.linalg.lstsq(A, b, rcond=RANK)[0]
-    return x
+    return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0], dtype=float)
 
 
 def _outside(
