@@ -18,9 +18,12 @@ Simulated recordings at 100 Hz without vibration, healthy and with a jam. ``sing
 record by record instead of blocks. Both are measured in turns, in CPU time.
 
 Then the command as typed, with its start: the same bags through one ``flea replay``, with ``-j 2``,
-a single bag, and ``flea --help``; beside them the replay function alone, in this process. Of other
-recordings with ``--bags BAG... --calibration FILE``; ``--copies N`` adds so many copies of them,
-each channel with a gain of its own that nobody has seen before, a part in a million off one.
+a single bag; beside them the replay function alone, in this process. Of other recordings with
+``--bags BAG... --calibration FILE``; ``--copies N`` adds so many copies of them, each channel with
+a gain of its own that nobody has seen before, a part in a million off one.
+
+At the end what a start takes, of ``flea --help`` and of one bag, in starts of Python with numpy: a
+ratio of pairs, which other work on the machine moves less than seconds.
 
 What is typed does not find the package ``coverage``, which the tests need and an installed package
 does not bring: numba would import it at every start.
@@ -108,8 +111,12 @@ class Spent(NamedTuple):
 
 def typed(*arguments: str) -> Spent:
     """Of one ``flea`` command in a process of its own, with those that it starts."""
+    return started(*FLEA, *arguments)
+
+
+def started(*command: str) -> Spent:
+    """Of a process, with those that it starts."""
     begin, before = time.monotonic(), os.times()
-    command = [*FLEA, *arguments]
     subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=INSTALLED)
     after = os.times()
     cpu = after.children_user + after.children_system - before.children_user
@@ -166,10 +173,10 @@ def as_typed(bags: Sequence[str], calibration: str, turns: int = TYPED_TURNS) ->
     for _ in range(turns):
         own, seconds = inside(bags, calibration)
         one, two = typed("replay", *bags, *option), typed("replay", *bags, *option, "-j", "2")
-        single, explained = typed("replay", bags[0], *option), typed("--help")
+        single = typed("replay", bags[0], *option)
         rows.append((
             seconds / own.cpu, seconds / one.cpu, own.cpu / one.cpu, one.wall / two.wall,
-            single.cpu, single.wall, explained.cpu,
+            single.cpu, single.wall,
         ))  # fmt: skip
     count = f"{len(bags)} bags"
     names = (
@@ -179,15 +186,37 @@ def as_typed(bags: Sequence[str], calibration: str, turns: int = TYPED_TURNS) ->
         (f"{count}, as typed with -j 2", "x", "one process, on the clock"),
         ("one bag, as typed, CPU time", "s", ""),
         ("one bag, as typed, on the clock", "s", ""),
-        ("flea --help, CPU time", "s", ""),
     )
+    figures = middles(names, rows) + starts(bags[0], option, turns)
+    print(f"load average {os.getloadavg()[0]:.1f}")
+    return figures
+
+
+def starts(bag: str, option: Sequence[str], turns: int) -> list[Figure]:
+    """CPU time of starts, in that of a start of Python with numpy beside each."""
+    python, rows = sys.executable, []
+    for _ in range(turns):
+        of_numpy = started(python, "-c", "import numpy").cpu
+        others = started(python, "-c", ""), typed("--help"), typed("replay", bag, *option)
+        rows.append((of_numpy, *(each.cpu / of_numpy for each in others)))
+    against = "import numpy"
+    names = (
+        ("import numpy, CPU time", "s", ""),
+        ("python alone", "x", against),
+        ("flea --help", "x", against),
+        ("one bag, as typed", "x", against),
+    )
+    return middles(names, rows)
+
+
+def middles(names: Sequence[tuple[str, str, str]], rows: Sequence[Sequence[float]]) -> list[Figure]:
+    """The median of each column, printed, with its range."""
     figures = []
     for (name, unit, against), column in zip(names, np.transpose(rows), strict=True):
         low, middle, high = np.min(column), np.median(column), np.max(column)
         print(f"{name:48s}{middle:8.2f} {unit:12s}({low:.2f} to {high:.2f})")
         ends = {"low": float(low), "high": float(high), "against": against}
-        figures.append(Figure(name, float(middle), unit, turns, **ends))
-    print(f"load average {os.getloadavg()[0]:.1f}")
+        figures.append(Figure(name, float(middle), unit, len(rows), **ends))
     return figures
 
 

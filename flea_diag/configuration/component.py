@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flea_diag.configuration.calibrations import calibration_sha256, law_of, learned
@@ -31,7 +31,7 @@ from flea_diag.core.vibration.features import try_out
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
-from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.state_estimate import NONE
@@ -105,10 +105,13 @@ class Decides:
 P = TypeVar("P")
 
 
-def _joined(name: str, *parts: type) -> type:
-    """One parameter class with the fields of several."""
-    entries = [(entry.name, entry.type, entry) for part in parts for entry in fields(part)]
-    return make_dataclass(name, [(n, t, _copied(e)) for n, t, e in entries], frozen=True)
+def _joined(name: str, parts: tuple[type, ...]) -> type:
+    """One parameter class with the fields of several; of two of a name it takes the first."""
+    entries: dict[str, Any] = {}
+    for entry in (entry for part in parts for entry in fields(part)):
+        entries.setdefault(entry.name, entry)
+    own = [(key, entry.type, _copied(entry)) for key, entry in entries.items()]
+    return make_dataclass(name, own, frozen=True)
 
 
 def _copied(entry: Any) -> Any:
@@ -127,10 +130,16 @@ def _unheard(_name: str) -> None:
 
 @dataclass(frozen=True)
 class Component(Generic[P]):
-    """Builds a stage from one frozen parameter object."""
+    """Builds a stage from one frozen parameter object, whose class joins several."""
 
-    parameters: type
+    name: str
+    parts: tuple[type, ...]
     make: Callable[[Stand, Any], Stage]
+
+    @cached_property
+    def parameters(self) -> type:
+        """Class of the parameters; made when it is first asked for, as few programs need all."""
+        return _joined(self.name, self.parts)
 
     def build(self, parameters: Any) -> Stage:
         """Fresh stage with these parameters."""
@@ -205,10 +214,11 @@ def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorSt
     parameters = _part(IsolatorParameters, values)
     if values.configuration == EVIDENCE:
         return _by_evidence(stand).isolator(parameters, in_process)
-    from flea_diag.configuration.recurrence import recurrence_of
+    told = _knowledge(stand)
+    if told.calibration.law is not None:
+        from flea_diag.configuration.recurrence import recurrence_of
 
-    told = knowledge(stand, learned(stand))
-    told = replace(told, recurrence=recurrence_of(stand, told))
+        told = replace(told, recurrence=recurrence_of(_by_evidence(stand)))
     return IsolatorStage(told, parameters, in_process)
 
 
@@ -218,7 +228,15 @@ def _sized_isolator(stand: Stand, values: Any) -> Pipeline:
 
 
 def _sizes(stand: Stand) -> SizeWatch:
-    return SizeWatch(knowledge(stand, learned(stand)))
+    return SizeWatch(_knowledge(stand))
+
+
+def _knowledge(stand: Stand) -> Knowledge:
+    """What the stages of a stand know; with a law that of the evidence, which is made once."""
+    calibration = learned(stand)
+    if calibration.law is None:
+        return knowledge(stand, calibration)
+    return _by_evidence(stand).told
 
 
 def _by_evidence(stand: Stand) -> EvidenceStand:
@@ -262,34 +280,24 @@ def evidence_pipeline(known: EvidenceStand, stand: Stand, **given: Any) -> Pipel
 
 
 OBSERVER: Component[Any] = Component(
-    _joined("Observer", StandParameters, DataSource, Decides, Batch, ObserverParameters), _observer
+    "Observer", (StandParameters, DataSource, Decides, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
-    _joined("Isolator", StandParameters, Decides, Memory, IsolatorParameters), _sized_isolator
+    "Isolator", (StandParameters, Decides, Memory, IsolatorParameters), _sized_isolator
 )
 EXTRACTOR: Component[Any] = Component(
-    _joined("Extractor", StandParameters, DataSource, ExtractorParameters), _extractor
+    "Extractor", (StandParameters, DataSource, ExtractorParameters), _extractor
 )
 DIAGNOSER: Component[Any] = Component(
-    _joined(
-        "Diagnoser",
+    "Diagnoser",
+    (
         StandParameters,
         Decides,
         Memory,
         Batch,
         ObserverParameters,
         IsolatorParameters,
-        *(
-            make_dataclass(
-                "_Extractor",
-                [
-                    (e.name, e.type, _copied(e))
-                    for e in fields(ExtractorParameters)
-                    if e.name not in {f.name for f in fields(IsolatorParameters)}
-                ],
-                frozen=True,
-            ),
-        ),
+        ExtractorParameters,
     ),
     _diagnoser,
 )

@@ -16,28 +16,24 @@
 
 from __future__ import annotations
 
-from flea_diag.configuration.evidence import stream_columns, stream_hypotheses
-from flea_diag.configuration.stand import Stand
+from flea_diag.configuration.evidence import EvidenceStand
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
-from flea_diag.stages.isolator.parameters import Knowledge
 from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
 
 
-def recurrence_of(stand: Stand, told: Knowledge) -> RecurrenceKnowledge | None:
-    """Of a stand with this knowledge; None: its calibration has no law."""
+def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
+    """Of a stand whose calibration has a law."""
+    told, law = stand.told, stand.knowledge
     known, calibration = told.effects, told.calibration
-    law = calibration.law
-    if law is None:
-        return None
-    hypotheses, _ = stream_hypotheses(stand, calibration, known, law)
+    hypotheses = law.hypotheses[0]
     faults = [told.faults[model.fault] for model in hypotheses.signatures.models]
     rows, readings = known.residuals, list(known.readings)
     load = motion_signals(rows)[1]
     return RecurrenceKnowledge(
         hypotheses,
-        stream_columns(known, calibration, law, hypotheses),
+        law.columns,
         tuple((f.name, readings.index(f.channel) if f.channel in readings else -1) for f in faults),
         # What grows from nothing cannot come and go within a second, and a reading that is dead for
         # a while has dropped out: its own test says so.

@@ -69,13 +69,45 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert "examples:" in capsys.readouterr().out
 
 
+def loaded_by(*arguments: str, without: str = "") -> set[str]:
+    """Modules that a command has imported when it ends, where another is not installed."""
+    program = f"""
+import contextlib, sys
+if {without!r}: sys.modules[{without!r}] = None
+from flea_diag.tools.main import main
+with contextlib.suppress(SystemExit): assert main({list(arguments)}) == 0
+print(*(name for name, module in sys.modules.items() if module))
+"""
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
 def test_help_imports_nothing_slow() -> None:
-    program = (
-        "import sys\nfrom flea_diag.tools.main import commands\ncommands()\n"
-        "print(sorted({'numpy', 'scipy', 'yaml', 'flea_diag.wire.records'} & sys.modules.keys()))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "[]\n"
+    loaded = loaded_by("--help")
+    assert "flea_diag.tools.replay.replay" in loaded
+    slow = {"numpy", "scipy", "yaml", "matplotlib", "rclpy", "flea_diag.wire.records"}
+    assert not slow & loaded
+
+
+@pytest.mark.slow
+def test_a_healthy_replay_imports_no_scipy_and_no_extra() -> None:
+    """Each takes longer than the recording; what is derived from a stand is kept from before."""
+    loaded_by("replay", str(BAGS / "nominal"), "-q", without="numba")
+    loaded = loaded_by("replay", str(BAGS / "nominal"), "-q", without="numba")
+    assert "flea_diag.stages.observer.observer" in loaded
+    assert not {"scipy", "numba", "pandas", "matplotlib", "rclpy", "sklearn"} & loaded
+    # Whether a shift is another unit is asked with its functions.
+    assert "scipy.special" in loaded_by("replay", str(BAGS / "jam"), "-q", without="numba")
+
+
+@pytest.mark.slow
+def test_compiled_a_healthy_replay_imports_of_scipy_what_numba_does() -> None:
+    pytest.importorskip("numba")
+    loaded_by("replay", str(BAGS / "nominal"), "-q")
+    loaded = loaded_by("replay", str(BAGS / "nominal"), "-q")
+    assert "numba" in loaded
+    assert not {"scipy.special", "scipy.optimize", "scipy.signal", "pandas", "rclpy"} & loaded
 
 
 @pytest.mark.parametrize("arguments", [[], ["dance"], ["import"], ["replay", "--colour"]])
@@ -178,15 +210,6 @@ def test_a_folder_that_is_closed_is_said_to_be_so(tmp_path: Path) -> None:
     said = (done.stdout + done.stderr).splitlines()
     refusals = [line for line in said if line.endswith(f"cannot read {closed}: Permission denied")]
     assert len(refusals) == len(asked), said
-
-
-def test_help_loads_nothing_slow() -> None:
-    code = (
-        "import sys; from flea_diag.tools.main import commands; commands(); "
-        "print(*sorted({'scipy', 'matplotlib', 'rclpy'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
 
 
 @pytest.mark.parametrize(

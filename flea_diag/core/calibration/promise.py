@@ -69,7 +69,13 @@ class FalseAlarmPromise:
 
 
 def _most_expected(alarms: int) -> float:
-    """Upper bound of the expected number of alarms where so many were seen."""
-    from scipy.special import gammaincinv  # takes longer to import than a calibration to read
+    """Upper bound of the expected number of alarms where so many were seen.
 
-    return float(gammaincinv(alarms + 1, CONFIDENCE))
+    Its Poisson distribution has no more than 1 - CONFIDENCE up to them.
+    """
+    low, high = float(alarms), 10.0 * (alarms + 1)
+    while low < (middle := 0.5 * (low + high)) < high:
+        logs = (k * math.log(middle) - middle - math.lgamma(k + 1) for k in range(alarms + 1))
+        beyond = sum(map(math.exp, logs)) < 1.0 - CONFIDENCE
+        low, high = (low, middle) if beyond else (middle, high)
+    return high

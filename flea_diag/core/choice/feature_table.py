@@ -218,23 +218,37 @@ def _entries(
     confidence: float,
     where: str,
 ) -> tuple[dict[tuple[str, str], tuple[float, ...]], dict[tuple[str, str], str]]:
-    """Probabilities and sources of all entries; ``source`` of a row applies to its entries."""
+    """Probabilities and sources of all entries; a row that faults share is read once."""
     entries: dict[tuple[str, str], tuple[float, ...]] = {}
     provenance: dict[tuple[str, str], str] = {}
+    known: dict[int, dict[str, tuple[tuple[float, ...], str]]] = {}
     for fault, row in rows.items():
-        source = str(row.get("source", ""))
-        _known(row, frozenset({"source", *features}), f"{where}: {fault}")
-        for feature in features:
-            entry = row.get(feature)
-            if entry is None:
-                continue
-            own = dict(entry) if isinstance(entry, Mapping) else entry
-            provenance[fault, feature] = (
-                str(own.pop("source", source)) if isinstance(own, dict) else source
-            )
-            place = f"{where}: {fault}, {feature}"
-            entries[fault, feature] = _probabilities(own, alphabet, confidence, place)
+        if id(row) not in known:
+            known[id(row)] = _row(row, features, alphabet, confidence, f"{where}: {fault}")
+        for feature, (numbers, source) in known[id(row)].items():
+            entries[fault, feature], provenance[fault, feature] = numbers, source
     return entries, provenance
+
+
+def _row(
+    row: Mapping[str, Any],
+    features: tuple[str, ...],
+    alphabet: tuple[str, ...],
+    confidence: float,
+    where: str,
+) -> dict[str, tuple[tuple[float, ...], str]]:
+    """Probabilities and source of each entry; ``source`` of a row applies to its entries."""
+    _known(row, frozenset({"source", *features}), where)
+    source = str(row.get("source", ""))
+    made = {}
+    for feature in features:
+        entry = row.get(feature)
+        if entry is None:
+            continue
+        own = dict(entry) if isinstance(entry, Mapping) else entry
+        from_ = str(own.pop("source", source)) if isinstance(own, dict) else source
+        made[feature] = _probabilities(own, alphabet, confidence, f"{where}, {feature}"), from_
+    return made
 
 
 def _probabilities(

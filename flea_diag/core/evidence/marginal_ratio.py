@@ -31,7 +31,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import log_ndtr
 
 from flea_diag.core.evidence.fault_signatures import SizePrior
 
@@ -146,6 +145,8 @@ def _bounds(prior: SizePrior) -> tuple[Array, Array, Array]:
 
 def _share(low: Array, high: Array) -> Array:
     """Log probability of a standard normal variable between two values."""
+    from scipy.special import log_ndtr  # slow to import, and few recordings raise a question
+
     swapped = low > -high  # the lower tail keeps its digits
     a, b = np.where(swapped, -high, low), np.where(swapped, -low, high)
     upper = log_ndtr(b)

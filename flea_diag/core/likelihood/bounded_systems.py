@@ -19,9 +19,9 @@ Each has the bits that it would have alone: what numpy does to a stack, it does 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -139,22 +139,8 @@ def _sizes(model: FaultModel | None) -> tuple[Size, ...]:
     return () if model is None else model.sizes
 
 
-@lru_cache(maxsize=64)
-def _solver(count: int) -> Callable[[Array, Array], tuple[Array, Array, int, int]]:
-    """Least squares of so many unknowns by what ``numpy.linalg.lstsq`` calls, in half its time."""
-    from scipy.linalg.lapack import dgelsd, dgelsd_lwork  # takes a tenth of a second
-
-    work, integers, _ = dgelsd_lwork(count, count, 1, RANK)
-    return partial(dgelsd, lwork=int(work), size_iwork=int(integers), cond=RANK)
-
-
 def _least(A: Array, b: Array) -> Array:
-    if not len(b):
-        return b
-    x, _, _, failed = _solver(len(b))(A, b)
-    if failed:
-        raise np.linalg.LinAlgError("no singular values of the normal equations")
-    return np.asarray(x).reshape(len(b))
+    return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0], dtype=float)
 
 
 def _outside(

@@ -62,7 +62,7 @@ class MotionCoefficients(NamedTuple):
     ) -> MotionCoefficients:
         """From the linear part of the state equations."""
         damping = -(pushes[0] * amperes[1] + pushes[1])
-        one, two = (float(phi[0, 0]) for phi in phi_functions(np.array([[-damping]]), period_s))
+        one, two = phi_functions(-damping * period_s)
         decay, per_volt = math.exp(-damping * period_s), pushes[0] * amperes[0]
         at_rest = pushes[0] * amperes[2] + pushes[3]
         step = decay, period_s * one, one, period_s * two

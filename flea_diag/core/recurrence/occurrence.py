@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import betainc
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +44,8 @@ def most_times(count: int, told_s: float, unseen_s: float) -> int:
     that has a negative binomial distribution, of ``count + 1/2`` and ``told_s`` of all the time.
     One with a rhythm scatters less.
     """
+    from scipy.special import betainc  # slow to import, and few faults come and go
+
     share = told_s / (told_s + unseen_s) if told_s > 0.0 else 1.0
     more = 0
     while share < 1.0 and betainc(count + 0.5, more + 1.0, share) < PROBABLE:

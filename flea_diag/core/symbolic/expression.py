@@ -139,7 +139,11 @@ def total(terms: Iterable[Expression]) -> Expression:
         for part in term.terms if isinstance(term, Sum) else (term,):
             factor, rest = _coefficient(part)
             coefficients[rest] = coefficients.get(rest, 0.0) + factor
-    kept = [product((Constant(c), rest)) for rest, c in coefficients.items() if c != 0.0]
+    kept = [
+        rest if c == 1.0 else product((Constant(c), rest))
+        for rest, c in coefficients.items()
+        if c != 0.0
+    ]
     if not kept:
         return ZERO
     return kept[0] if len(kept) == 1 else Sum(tuple(kept))
@@ -192,7 +196,8 @@ def _coefficient(term: Expression) -> tuple[float, Expression]:
     if isinstance(term, Constant):
         return term.value, ONE
     if isinstance(term, Product) and isinstance(term.factors[0], Constant):
-        return term.factors[0].value, product(term.factors[1:])
+        rest = term.factors[1:]
+        return term.factors[0].value, rest[0] if len(rest) == 1 else Product(rest)
     return 1.0, term
 
 

@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from support.models import ema_oracle as oracle
@@ -119,13 +122,13 @@ def test_output_that_nothing_gives_is_named(flea: Actuator) -> None:
         flea.state_space("stand", ["torque"])
 
 
-def test_phi_functions_of_a_number_and_of_zero() -> None:
-    z = -2.5
-    one, two = phi_functions(np.array([[z]]), 1.0)
-    assert one[0, 0] == pytest.approx((np.exp(z) - 1) / z)
-    assert two[0, 0] == pytest.approx((np.exp(z) - 1 - z) / z**2)
-    one, two = phi_functions(np.zeros((1, 1)), 1.0)
-    assert (one[0, 0], two[0, 0]) == (1.0, 0.5)
+@pytest.mark.parametrize("z", [-60.0, -2.5, -0.5, -0.499, -1e-3, -1e-12, 0.0, 0.3, 4.0])
+def test_phi_functions_are_their_series(z: float) -> None:
+    """In exact fractions, also where the quotients that define them cancel."""
+    terms = [Fraction(z) ** k / math.factorial(k + 1) for k in range(250)]
+    further = [Fraction(z) ** k / math.factorial(k + 2) for k in range(250)]
+    exact = float(sum(terms)), float(sum(further))
+    assert phi_functions(z) == pytest.approx(exact, rel=1e-15)
 
 
 def test_second_actuator_goes_through_the_same_code() -> None:

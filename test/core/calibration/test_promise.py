@@ -24,7 +24,7 @@ from scipy import stats
 from flea_diag.core.calibration.promise import FalseAlarmPromise
 
 
-@pytest.mark.parametrize("alarms", [0, 1, 5])
+@pytest.mark.parametrize("alarms", [0, 1, 5, 300])
 def test_a_rate_at_the_bound_shows_so_few_alarms_in_one_case_of_twenty(alarms: int) -> None:
     promise = FalseAlarmPromise(0.1, 29, 0.24, alarms)
     expected = promise.supported_per_hour * 0.24
