@@ -16,11 +16,11 @@
 
 from __future__ import annotations
 
-from flea_diag.configuration.evidence import stream_columns, stream_hypotheses
+from flea_diag.configuration.evidence import stream_columns, stream_hypotheses, window_scans
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.channel_units import UNITS
-from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
+from flea_diag.core.run_law.run_windows import signal_names
 from flea_diag.stages.isolator.parameters import Knowledge
 from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
 
@@ -47,5 +47,5 @@ def recurrence_of(stand: Stand, told: Knowledge) -> RecurrenceKnowledge | None:
         {**UNITS, **rows.units}[rows.position],
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,
-        max(1, round(WINDOW_S / calibration.period_s)),
+        window_scans(calibration),
     )

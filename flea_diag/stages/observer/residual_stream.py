@@ -47,6 +47,7 @@ from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, RunWatch, WarmUp
 from flea_diag.stages.stream.last_readings import LastReadings
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     NEVER_NS,
     OTHER_UNIT,
@@ -67,7 +68,7 @@ class StreamOutput:
     """Residuals, test results, regressors, voltage trust and estimates of n scans.
 
     ``turn``: the first scan with which a condition begins or ends, or a test is no longer judged,
-    or n; later ones do not count.
+    or n; later ones do not count. ``records``: see ``ResidualRecords``.
     """
 
     residuals: ResidualRows
@@ -76,6 +77,7 @@ class StreamOutput:
     voltage: VoltageVerdict
     estimate: ObserverOutput
     turn: int
+    records: ResidualBlock | None = None
 
 
 class ResidualStream:
