@@ -114,7 +114,7 @@ class EnvelopeWatch:
     ) -> None:
         # Before the tests abstain: smoothing makes so many scans of one jerk.
         self._enough, self._back = kernel // 3, 3 * kernel
-        self._basis = LeverageBasis(relations)
+        self._relations, self._basis = relations, LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
         self._stores = [(row.name, row.unit) for row in relations.predictions]
@@ -168,14 +168,13 @@ class EnvelopeWatch:
         self.place = ANYWHERE
 
     def _known_of(self, relations: RelationSet, parameters: Any, period_s: float) -> Any:
-        """``envelope_loops``, and what it takes beside the scans."""
+        """What ``envelope_loops`` takes beside the scans."""
         heats, (which, along) = self._heating, self._basis.columns
         compared = [(low, high) for _, low, high in self._read]
         ends = [*zip(heats.low, heats.high, strict=True), *compared]
         read = np.array([k for k, *_ in self._read], dtype=int)
         count = len(self._starts)
         return (
-            glance_of(relations),
             as_record(parameters),
             (np.array(which), np.array(along), self._starts, self._root),
             (self._least[:count], self._least[count:]),
@@ -189,9 +188,10 @@ class EnvelopeWatch:
         count, stores = len(signals), len(self._most)
         loads = np.empty((count, self._loads.stop - self._loads.start))
         share, heating = np.empty((count, stores)), np.empty((count, 2 * stores))
-        loop, parameters, *fixed = self._compiled
-        told = loads, share, heating
-        within, self._fast = loop(parameters, signals, position, *fixed, told)
+        parameters, *fixed = self._compiled
+        within, self._fast = glance_of(self._relations)(
+            parameters, signals, position, *fixed, (loads, share, heating)
+        )
         return within, loads, share, heating
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
