@@ -100,9 +100,8 @@ class ResidualBlock:
         if len(blocks) == 1:
             return blocks[0]
         every = zip(*([getattr(b, name) for name in b.__slots__] for b in blocks), strict=True)
-        return ResidualBlock(
-            *(c[0] if isinstance(c[0], tuple) else np.concatenate(c) for c in every)
-        )
+        made: list[Any] = [c[0] if isinstance(c[0], tuple) else np.concatenate(c) for c in every]
+        return ResidualBlock(*made)
 
     def records(self) -> Iterator[Residual]:
         """The records one by one."""

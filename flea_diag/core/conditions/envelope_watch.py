@@ -157,7 +157,9 @@ class EnvelopeWatch:
         """Whether a speed may have been beyond its range in the last scans."""
         # numba knows no empty tuple of results.
         compiled = backends.chosen(backend) == "numba" and bool(stores)
-        self._compiled = self._known_of(relations, parameters, period_s) if compiled else ()
+        self._compiled: tuple[Any, ...] = (
+            self._known_of(relations, parameters, period_s) if compiled else ()
+        )
         self._beyond = [0] * len(self._columns)
         self._within = [self._back] * len(self._columns)
         self.outside: tuple[int, ...] = ()
@@ -167,7 +169,9 @@ class EnvelopeWatch:
         """Whether the last scan has changed what abstains."""
         self.place = ANYWHERE
 
-    def _known_of(self, relations: RelationSet, parameters: Any, period_s: float) -> Any:
+    def _known_of(
+        self, relations: RelationSet, parameters: Any, period_s: float
+    ) -> tuple[Any, ...]:
         """What ``envelope_loops`` takes beside the scans."""
         heats, (which, along) = self._heating, self._basis.columns
         compared = [(low, high) for _, low, high in self._read]

@@ -64,7 +64,9 @@ class ModeWatch:
     @property
     def lost(self) -> bool:
         """Whether the equations of motion do not hold."""
-        return bool(self._now) and any(not row.followed for row, state in self._each() if state != OUT)
+        return bool(self._now) and any(
+            not row.followed for row, state in self._each() if state != OUT
+        )
 
     @property
     def words(self) -> str:

@@ -123,9 +123,7 @@ class ResidualStream:
         self._bands = SupplyBands(relations)
         self._outside_ns = NEVER_NS
         self.envelope = (
-            EnvelopeWatch(
-                c.envelope, relations, c.parameters, c.counts.kernel, c.period_s, backend
-            )
+            EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s, backend)
             if c.envelope
             else None
         )

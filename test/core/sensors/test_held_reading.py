@@ -62,7 +62,8 @@ def test_without_a_command_a_held_voltage_blames_nobody_and_is_withheld(
     tested, usable = HeldReadings([LIMIT], channels, FLEA, 0.01), rows.copy()
     bounds = zip([0, *cuts], [*cuts, len(rows)], strict=True)
     z = np.zeros((len(rows), len(FLEA.names)))
-    assert any([tested.step(rows[a:b], usable[a:b], z[a:b]) for a, b in bounds])
+    withheld = [tested.step(rows[a:b], usable[a:b], z[a:b]) for a, b in bounds]
+    assert any(withheld)
     assert not z.any()
     assert np.flatnonzero(np.isnan(usable[:, 1])).tolist() == [5, 6, 9]
     assert np.array_equal(usable[:, 0], rows[:, 0])
