@@ -83,6 +83,7 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     judged_by = EvidenceKnowledge(
         made, law.relations, frozenset(judged), limits, sensors, law.visible,
         stream_columns(known, calibration, law, made[0]),
+        window_scans(calibration),
     )  # fmt: skip
     return EvidenceStand(told, judged_by)
 
@@ -115,15 +116,20 @@ def stream_columns(
 ) -> Callable[[], StreamColumns]:
     """What makes the windows of a stream."""
     rows = known.residuals
-    scans = max(1, round(WINDOW_S / calibration.period_s))
     current, load, way, *speeds = motion_signals(rows)
     moving = current, load, way, speed_signal(rows)
     motions = _motions(rows, calibration.parameters).values()
     slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
     return partial(
         StreamColumns, law.relations, frozenset(rows.in_motion), signal_names(known), moving,
-        known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s, scans,
+        known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s,
+        window_scans(calibration),
     )  # fmt: skip
+
+
+def window_scans(calibration: Calibration) -> int:
+    """Scans of one window."""
+    return max(1, round(WINDOW_S / calibration.period_s))
 
 
 def _sensors(told: Knowledge) -> SensorKnowledge:

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from copy import deepcopy
+from enum import Enum
 from functools import cache
 from types import FunctionType, MappingProxyType, NoneType
 from typing import Any, TypeVar
@@ -51,7 +52,7 @@ def state_copy(state: T) -> T:
 
 def _copied(value: Any, memo: Memo) -> Any:
     kind = type(value)
-    if kind in SHARED or issubclass(kind, Frozen):
+    if kind in SHARED or issubclass(kind, (Frozen, Enum)):
         return value
     if (found := memo.get(id(value))) is not None:
         return found
@@ -69,14 +70,20 @@ def _dict(value: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
 
 
 def _tuple(value: tuple[Any, ...], memo: Memo) -> tuple[Any, ...]:
-    """The tuple itself where nothing in it can change."""
+    """The tuple itself, with names or without, where nothing in it can change."""
     parts = _parts(value, memo)
-    same = all(one is other for one, other in zip(parts, value, strict=True))
-    return value if same else tuple(parts)
+    if all(one is other for one, other in zip(parts, value, strict=True)):
+        return value
+    kind: Any = type(value)
+    return tuple(parts) if kind is tuple else kind._make(parts)
 
 
 def _set(value: set[Any], memo: Memo) -> set[Any]:
     return set(_parts(value, memo))
+
+
+def _frozen_set(value: frozenset[Any], memo: Memo) -> frozenset[Any]:
+    return value if all(type(part) in SHARED for part in value) else deepcopy(value, memo)
 
 
 def _deque(value: deque[Any], memo: Memo) -> deque[Any]:
@@ -90,6 +97,8 @@ def _array(value: Any, _: Memo) -> Any:
 def _other(value: Any, memo: Memo) -> Any:
     """An object of ours by its attributes; anything else by ``deepcopy``."""
     kind: Any = type(value)
+    if hasattr(kind, "_fields"):
+        return _tuple(value, memo)
     if not _is_plain(kind):
         return deepcopy(value, memo)
     made = memo[id(value)] = kind.__new__(kind)
@@ -113,6 +122,7 @@ _COPIERS: dict[type, Callable[[Any, Memo], Any]] = {
     list: _parts,
     tuple: _tuple,
     set: _set,
+    frozenset: _frozen_set,
     deque: _deque,
     np.ndarray: _array,
 }

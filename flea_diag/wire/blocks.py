@@ -94,6 +94,15 @@ class ResidualBlock:
         some: list[Any] = [c if isinstance(c, tuple) else c[which] for c in columns]
         return ResidualBlock(*some)
 
+    @staticmethod
+    def joined(blocks: Sequence[ResidualBlock]) -> ResidualBlock:
+        """Blocks of the same names that follow each other, as one."""
+        if len(blocks) == 1:
+            return blocks[0]
+        every = zip(*([getattr(b, name) for name in b.__slots__] for b in blocks), strict=True)
+        made: list[Any] = [c[0] if isinstance(c[0], tuple) else np.concatenate(c) for c in every]
+        return ResidualBlock(*made)
+
     def records(self) -> Iterator[Residual]:
         """The records one by one."""
         rows = zip(

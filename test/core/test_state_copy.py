@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,13 @@ class Limits(Frozen):
     high: float
 
 
+class Counts(NamedTuple):
+    """What changes under names."""
+
+    of: str
+    each: np.ndarray
+
+
 class Ring:
     """What changes, in all the ways that state is held."""
 
@@ -40,6 +48,7 @@ class Ring:
         self.limits = Limits(3.0)
         self.function = np.maximum
         self.rows, self.parts = np.zeros(3), (1, [2])
+        self.named, self.kinds = Counts("a", np.zeros(2)), frozenset({1, 2})
         self.seen, self.last, self.counts = {1}, deque([1, 2], maxlen=2), {"a": [0]}
 
 
@@ -53,6 +62,7 @@ class Chain:
 def change(ring: Ring) -> None:
     ring.rows[0] = 1.0
     ring.parts[1].append(3)
+    ring.named.each[0] = 1.0
     ring.seen.add(2)
     ring.last.append(3)
     ring.counts["a"][0] = 4
@@ -68,6 +78,9 @@ def test_a_copy_stays_as_it_was_and_what_never_changes_is_shared():
     change(chain.ring)
     assert held(copied.ring) == ([0.0, 0.0, 0.0], (1, [2]), {1}, [1, 2], {"a": [0]})
     assert copied.ring.last.maxlen == 2
+    assert copied.ring.named.of == "a"
+    assert copied.ring.named.each.tolist() == [0.0, 0.0]
+    assert copied.ring.kinds is chain.ring.kinds
     assert copied.ring.limits is chain.ring.limits
     assert copied.ring.function is np.maximum
 

@@ -60,9 +60,9 @@ class ClippedReadings:
         ``beyond``: whether the part came to an end of its travel, or has run away, in all or (n,).
         """
         self._void = None
-        there = np.broadcast_to(beyond, len(rows))
-        if not (there.any() or self._lingers):
+        if not (np.any(beyond) if isinstance(beyond, np.ndarray) else beyond) and not self._lingers:
             return
+        there = np.broadcast_to(beyond, len(rows))
         clipped = ((rows <= self._low) | (rows >= self._high)) & there[:, None]
         if not (clipped.any() or self._lingers):
             return

@@ -37,7 +37,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.conditions.condition import NAMED
+from flea_diag.core.conditions.envelope_loops import glance_of
 from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.residuals.leverage import (
     ABSTAIN,
@@ -47,9 +49,10 @@ from flea_diag.core.residuals.leverage import (
     leverages,
     stretches,
 )
+from flea_diag.core.residuals.parameters import as_record
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.residuals.thermal import Heating
+from flea_diag.core.residuals.thermal import CORRECTION_S, Heating
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -107,10 +110,11 @@ class EnvelopeWatch:
         parameters: Any,
         kernel: int,
         period_s: float,
+        backend: str = "auto",
     ) -> None:
         # Before the tests abstain: smoothing makes so many scans of one jerk.
         self._enough, self._back = kernel // 3, 3 * kernel
-        self._basis = LeverageBasis(relations)
+        self._relations, self._basis = relations, LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
         self._stores = [(row.name, row.unit) for row in relations.predictions]
@@ -149,7 +153,13 @@ class EnvelopeWatch:
         compared = [row for row in relations.relations if row.name in table.of_one_speed]
         read = [s for row in compared for s in row.signals if s in known.ranges]
         self._read = [(relations.signals.index(name), *known.ranges[name]) for name in read]
-        self._faster = Lingering(kernel)
+        self._faster, self._fast = Lingering(kernel), True
+        """Whether a speed may have been beyond its range in the last scans."""
+        # numba knows no empty tuple of results.
+        compiled = backends.chosen(backend) == "numba" and bool(stores)
+        self._compiled: tuple[Any, ...] = (
+            self._known_of(relations, parameters, period_s) if compiled else ()
+        )
         self._beyond = [0] * len(self._columns)
         self._within = [self._back] * len(self._columns)
         self.outside: tuple[int, ...] = ()
@@ -159,37 +169,74 @@ class EnvelopeWatch:
         """Whether the last scan has changed what abstains."""
         self.place = ANYWHERE
 
+    def _known_of(
+        self, relations: RelationSet, parameters: Any, period_s: float
+    ) -> tuple[Any, ...]:
+        """What ``envelope_loops`` takes beside the scans."""
+        heats, (which, along) = self._heating, self._basis.columns
+        compared = [(low, high) for _, low, high in self._read]
+        ends = [*zip(heats.low, heats.high, strict=True), *compared]
+        read = np.array([k for k, *_ in self._read], dtype=int)
+        count = len(self._starts)
+        return (
+            as_record(parameters),
+            (np.array(which), np.array(along), self._starts, self._root),
+            (self._least[:count], self._least[count:]),
+            (period_s / CORRECTION_S, np.zeros((3, len(self._most))), self._most),
+            (np.array(heats.read, dtype=int), read, np.array(ends).reshape(-1, 2)),
+            self._loads.start,
+        )
+
+    def _glance(self, signals: Array, position: Array) -> tuple[bool, Array, Array, Array]:
+        """Whether all scans are surely within; their loads, shares of the supply, and heating."""
+        count, stores = len(signals), len(self._most)
+        loads = np.empty((count, self._loads.stop - self._loads.start))
+        share, heating = np.empty((count, stores)), np.empty((count, 2 * stores))
+        parameters, *fixed = self._compiled
+        within, self._fast = glance_of(self._relations)(
+            parameters, signals, position, *fixed, (loads, share, heating)
+        )
+        return within, loads, share, heating
+
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
         count, self.turned = len(rows), False
         position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
-        beyond, travel = None, self._at(position)
-        psi = self._basis.rows(residuals.signals, position)
-        loads = np.ascontiguousarray(psi[:, self._loads])
-        share, heating = self._heating.step(residuals.signals)
-        h = np.empty((count, len(self._least)))
-        h[:, : len(self._starts)] = leverages(psi, self._root, self._starts)
-        h[:, len(self._starts) :] = np.square(share)
-        # A reading that is missing says nothing of where it is: NaN is beyond nothing.
-        within = not np.count_nonzero(h > self._least)
-        self.place = OperatingPlace(loads=loads, supplied=heating)
-        if within and travel is None and not (self.outside or any(self._beyond)):
-            return count
+        travel, within = self._at(position), False
+        if self._compiled:
+            within, loads, share, heating = self._glance(residuals.signals, position)
+        else:
+            share, heating = self._heating.step(residuals.signals)
+        h = np.zeros((count, len(self._least)))
         if not within:
-            over = np.where(h > self._reach, h - self._reach, 0.0)
-            beyond = np.zeros((count, len(self._known.rows)))
-            relations = len(self._basis.names)
-            beyond[:, self._others] = over[:, :relations].max(axis=1)[:, None]
-            for k, columns in enumerate(self._columns[:relations]):
-                beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
-            # What a prediction is off by shows in proportion to the regressors, wherever they are.
-            for k, columns in enumerate(self._columns[relations:], start=relations):
-                beyond[:, columns] = (1.0 + beyond[:, columns]) * (1.0 + over[:, k, None]) - 1.0
+            psi = self._basis.rows(residuals.signals, position)
+            loads = np.ascontiguousarray(psi[:, self._loads])
+            h[:, : len(self._starts)] = leverages(psi, self._root, self._starts)
+            h[:, len(self._starts) :] = np.square(share)
+            # A reading that is missing says nothing of where it is: NaN is beyond nothing.
+            within = not np.count_nonzero(h > self._least)
+        if within and travel is None and not (self.outside or any(self._beyond)):
+            self.place = OperatingPlace(loads=loads, supplied=heating)
+            return count
+        beyond = None if within else self._variance(h)
         self.place = OperatingPlace(beyond, travel, loads, heating)
         far = h > self._far
         if not (np.count_nonzero(far) or self.outside or any(self._beyond)):
             return count
         return self._turn(far, rows, residuals.signals, share)
+
+    def _variance(self, h: Array) -> Array:
+        """How much the variance of each residual has grown, shape (n, residuals)."""
+        over = np.where(h > self._reach, h - self._reach, 0.0)
+        beyond = np.zeros((len(h), len(self._known.rows)))
+        relations = len(self._basis.names)
+        beyond[:, self._others] = over[:, :relations].max(axis=1)[:, None]
+        for k, columns in enumerate(self._columns[:relations]):
+            beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
+        # What a prediction is off by shows in proportion to the regressors, wherever they are.
+        for k, columns in enumerate(self._columns[relations:], start=relations):
+            beyond[:, columns] = (1.0 + beyond[:, columns]) * (1.0 + over[:, k, None]) - 1.0
+        return beyond
 
     def _at(self, position: Array) -> Array | None:
         """Factor of each residual at the ends of the travel; None where no scan is at one."""
@@ -257,7 +304,7 @@ class EnvelopeWatch:
         """Drop what rests on a relation that is outside, and nothing else."""
         for k in self.outside:
             residuals.values[:, self._columns[k]] = np.nan
-        if self._read:
+        if self._read and (self._fast or self._faster.lasts):
             # Plain numbers: one scan costs less than one call of numpy.
             read = ((residuals.signals[:, k].tolist(), *ends) for k, *ends in self._read)
             beyond = ([x < low or x > high for x in values] for values, low, high in read)

@@ -31,6 +31,11 @@ class Lingering:
         self._scans = scans
         self._wait = 0
 
+    @property
+    def lasts(self) -> bool:
+        """Whether earlier evidence counts in the next scan."""
+        return self._wait > 0
+
     def step(self, evidence: Sequence[bool]) -> Flags | None:
         """Where it counts in n scans, shape (n,); None where in none."""
         if not self._wait and True not in evidence:

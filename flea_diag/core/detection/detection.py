@@ -53,7 +53,7 @@ class TestResults:
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
     scan.
-    ``way``, shape (2, n): direction of motion and for how many scans in motion it has lasted,
+    ``way``, n of each: direction of motion and for how many scans in motion it has lasted,
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
 
@@ -67,11 +67,12 @@ class TestResults:
         self.z, self.k, self.window, self.growth, self.shift = table
         self.window.fill(0.0)
         self.growth.fill(1.0)
-        self.way, self.directed = np.zeros((2, scans)), frozenset[int]()
+        self.way: tuple[Sequence[int], Sequence[int]] = (0,) * scans, (0,) * scans
+        self.directed = frozenset[int]()
 
     def direction(self, index: int) -> Array:
         """Direction of motion in the window of a residual after each scan; see ``Test``."""
-        way, lasted = self.way
+        way, lasted = np.array(self.way, dtype=float)
         if index not in self.directed:
             return np.zeros_like(way)
         whole = (way != 0.0) & (lasted >= self.window[:, index])
@@ -119,6 +120,7 @@ class Detector:
         named = {limit.name: limit for limit in limits}
         compiled = backends.chosen(backend) == "numba"
         self._count = len(known.rows)
+        self._one = np.ones((1, self._count))
         self._groups = tuple(
             ZTests(known, gate, named, np.array(tolerance), extra, compiled, counts)
             for gate in ("moving", "always")
@@ -131,9 +133,10 @@ class Detector:
         calibrated; None: as calibrated.
         """
         results = TestResults(self._count, len(rows))
-        grown = np.ones_like(rows.values) if growth is None else growth
+        if growth is None:
+            growth = self._one if len(rows) == 1 else np.ones_like(rows.values)
         for group in self._groups:
-            group.step(rows, grown, results.table)
+            group.step(rows, growth, results.table)
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:

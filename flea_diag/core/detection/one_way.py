@@ -20,12 +20,7 @@ motion. At a standstill against a push the friction may be anything up to the dr
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from flea_diag.core.residuals.residual_rows import ResidualRows
-
-Array = npt.NDArray[np.float64]
 
 
 class OneWay:
@@ -35,8 +30,8 @@ class OneWay:
         self._moving_m_s = moving_m_s
         self._way, self._lasted = 0, 0
 
-    def step(self, rows: ResidualRows) -> Array:
-        """Direction after each of n scans, and scans in motion since it began, shape (2, n).
+    def step(self, rows: ResidualRows) -> tuple[list[int], list[int]]:
+        """Direction after each of n scans, and scans in motion since it began.
 
         Both are 0 where it stands against a push, and go on at rest as they were.
         """
@@ -49,4 +44,4 @@ class OneWay:
                 self._way = now
             ways.append(self._way)
             lasted.append(self._lasted if self._way else 0)
-        return np.array((ways, lasted), dtype=float)
+        return ways, lasted

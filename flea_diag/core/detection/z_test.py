@@ -29,6 +29,7 @@ from flea_diag.core.running_mean import WindowedMeans, summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 REGION_EDGES = np.array(SPEED_REGIONS_M_S)
 
@@ -123,29 +124,38 @@ class ZTests:
 
     def _follow(self, rows: ResidualRows, growth: Array, results: Array) -> None:
         """The same as compiled loops, in pieces that fit the memory."""
-        loops = backends.exact(*Z_TEST_LOOPS)
-        spread = self._spreading.start, len(self._spread), self._tolerance
-        for start in range(0, len(rows), self._windows[-1]):
-            piece = slice(start, start + self._windows[-1])
-            moving = rows.moving[piece]
-            count = int(np.count_nonzero(moving)) if self._gated else len(moving)
-            memory, at, lap, seen = self._means.room(count)
-            loops(
-                (rows.values[piece], growth[piece], rows.motion[piece], rows.spread[piece]),
-                moving,
-                self._gated,
-                self._columns,
-                self._places,
-                memory,
-                at,
-                lap,
-                self._lengths,
-                seen,
-                self._bounds,
-                spread,
-                self._held,
-                results[:, piece],
-            )
+        table, most = (rows.values, growth, rows.motion, rows.spread), self._windows[-1]
+        if len(rows) <= most:
+            self._taken(table, rows.moving, results)
+            return
+        for start in range(0, len(rows), most):
+            piece = slice(start, start + most)
+            values, grown, motion, spread = (part[piece] for part in table)
+            part = values, grown, motion, spread
+            self._taken(part, rows.moving[piece], results[:, piece])
+
+    def _taken(
+        self, rows: tuple[Array, Array, Array, Array], moving: Flags, results: Array
+    ) -> None:
+        """One piece."""
+        count = int(np.count_nonzero(moving)) if self._gated else len(moving)
+        memory, at, lap, seen = self._means.room(count)
+        backends.exact(*Z_TEST_LOOPS)(
+            rows,
+            moving,
+            self._gated,
+            self._columns,
+            self._places,
+            memory,
+            at,
+            lap,
+            self._lengths,
+            seen,
+            self._bounds,
+            (self._spreading.start, len(self._spread), self._tolerance),
+            self._held,
+            results,
+        )
 
     def _table(self, rows: ResidualRows, growth: Array) -> Array:
         """Rows of the ring, shape (n, width)."""

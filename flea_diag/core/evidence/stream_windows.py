@@ -94,7 +94,11 @@ class LawWindowMeans:
         self._told = np.array(
             [[place.get(own_name(r, s), place[s]) for s in formed] for r in relations], dtype=int
         )
-        self._read = np.array([place[s] for s in formed], dtype=int)
+        read = np.array([place[s] for s in formed], dtype=int)
+        # Mostly all relations take the same columns, which are then formed once.
+        every = np.vstack((read, self._told))
+        self._formed_of, which = np.unique(every, axis=0, return_inverse=True)
+        self._rows = which.reshape(-1)
         places = (formed.index(name) for name in motion)
         self._current, self._load, self._way, self._speed = places
         self._moves = WindowMotion()
@@ -133,18 +137,17 @@ class LawWindowMeans:
 
     def _formed(self, table: Array) -> Array:
         """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
-        every = np.vstack((self._read, self._told))
-        formed = zeroed(table[:, every])
+        formed = zeroed(table[:, self._formed_of])
         current = formed[..., self._current]
         before = current[:1] if self._before is None else self._before
         self._before = current[-1:]
         rate = np.diff(current, axis=0, prepend=before) / self._period_s
         load, way = formed[..., self._load], formed[..., self._way]
         place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
-        heat = losses(current[:, 0], self._heat, self._period_s)
+        heat = losses(current[:, self._rows[0]], self._heat, self._period_s)
         self._heat = float(heat[-1]) if len(heat) else self._heat
         behind = left_out(current, rate, heat[:, None], load, way, place)
-        return np.concatenate((formed, behind), axis=-1)
+        return np.concatenate((formed, behind), axis=-1)[:, self._rows]
 
     def _mean(self, values: Array, signals: Array, stands: Flags) -> LawWindow:
         known = np.isfinite(values)

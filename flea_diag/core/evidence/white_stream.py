@@ -101,6 +101,7 @@ class WhiteStream:
         self._signals = WhiteSignals((len(hypotheses.noise.white), count))
         self.sums = np.zeros((count, count))
         """[y, Psi]' [y, Psi] of what counts, fading."""
+        self._solved: tuple[Array, Array] | None = None
         self._before = since_start
         self.windows = 0
 
@@ -131,10 +132,15 @@ class WhiteStream:
 
     def count(self, rows: Array, fade: float) -> None:
         """Add the products of rows that are weighted."""
-        self.sums = fade * self.sums + rows.T @ rows
+        self.sums, self._solved = fade * self.sums + rows.T @ rows, None
 
     def _known(self) -> tuple[Array, Array]:
-        """What the stream differs by, so far: mean and covariance of eta."""
-        inner = np.eye(len(self.sums) - 1) + self.sums[1:, 1:]
-        covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)
-        return covariance @ self.sums[1:, 0], covariance
+        """What the stream differs by, so far: mean and covariance of eta.
+
+        From an onset on nothing more is learned of it.
+        """
+        if self._solved is None:
+            inner = np.eye(len(self.sums) - 1) + self.sums[1:, 1:]
+            covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)
+            self._solved = covariance @ self.sums[1:, 0], covariance
+        return self._solved

@@ -91,9 +91,25 @@ class JumpMemory:
         self._stamps_ns = np.zeros(1 + len(self._rows), dtype=np.int64)
         self._pieces: deque[JumpPiece] = deque(maxlen=PIECES)
         self._count = 0
+        self._singly: list[tuple[int, Row]] = []
+
+    def add_scan(self, stamp_ns: int, row: Row) -> None:
+        """``add`` for one scan, which waits for the others of its piece."""
+        if len(row) != self._rows.shape[1]:
+            return
+        self._singly.append((stamp_ns, row))
+        if self._count + len(self._singly) == len(self._rows):
+            self._take_waiting()
+
+    def _take_waiting(self) -> None:
+        if self._singly:
+            stamps_ns, rows = zip(*self._singly, strict=True)
+            self._singly = []
+            self.add(stamps_ns, rows)
 
     def add(self, stamps_ns: Sequence[int] | Stamps, rows: Sequence[Row] | Array) -> None:
         """Take the regressors of n >= 1 scans; those without jumps, of older bags, say nothing."""
+        self._take_waiting()
         if len(rows[0]) != self._rows.shape[1]:
             return
         if not self._stamps_ns[0]:
@@ -125,6 +141,7 @@ class JumpMemory:
 
         None if too little is known before the detection.
         """
+        self._take_waiting()
         pieces = [*self._pieces, self._piece()] if self._count else list(self._pieces)
         before, near = 0, len(pieces)
         while near and before < self._watched:

@@ -83,6 +83,7 @@ class StreamRows:
         noise = hypotheses.noise
         # Neighbouring windows are alike: of what lasts they tell less than their number says.
         self._alike = np.maximum(noise.long_run / noise.sigma, 1.0)[:, None]
+        self._one = np.eye(len(fast))
         self._number = 0
         self.forget()
 
@@ -101,18 +102,20 @@ class StreamRows:
         sigma = h.noise.loudness(window.motion) * h.friction.loudness(window) * h.noise.sigma
         rows = np.column_stack((left, psi)) / sigma[:, None]
         rows[~known] = 0.0
-        errors = standardised(rows, self._eta, self._covariance)
-        predicted = sigma * predicted_sigma(rows, self._covariance)
+        covariance = self._covariance
+        errors = standardised(rows, self._eta, covariance)
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
         both = known[:, None] & known
         shared = h.noise.shared * np.square(exact_share(errors)[:, 0])
-        apart = np.eye(len(known)) - np.where(both, shared * sigma / sigma[:, None], 0.0)
+        apart = self._one - np.where(both, shared * sigma / sigma[:, None], 0.0)
         if np.abs(errors).max() <= NEAR:
             self._count(rows * weight_of(errors) / self._alike)
         own = apart @ errors
         if not keeps and np.abs(own).max() <= FAR:
             return None
         added, _ = h.faults(window, errors)
+        # Asked of a window that is kept alone: most are quiet.
+        predicted = sigma * predicted_sigma(rows, covariance)
         added = np.column_stack((added, unit)) / predicted[:, None]
         added[~known] = 0.0
         added = apart @ added

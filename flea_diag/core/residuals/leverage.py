@@ -143,6 +143,19 @@ class LeverageBasis:
         """Those of all."""
         source = function_source("regressors", "phi of each relation.", relations.signals, rows)
         self._regressors = compiled(source)["regressors"] if rows else None
+        flat = [[entry for row in rows for entry in row]]
+        source = function_source("flat", "phi of all relations in a row.", relations.signals, flat)
+        self.flat = compiled(source)["flat"]
+        sizes = [(len(row), along) for row, along in zip(rows, self._along, strict=True)]
+        firsts = [sum(size for size, _ in sizes[:k]) for k in range(len(sizes))]
+        pieces = [
+            (first + k, by_place)
+            for first, (size, along) in zip(firsts, sizes, strict=True)
+            for by_place in (False, True)[: 1 + along]
+            for k in range(size)
+        ]
+        self.columns = [place for place, _ in pieces], [by_place for _, by_place in pieces]
+        """Of each column its place in ``flat``, and whether it is that times the position."""
 
     def _loads(
         self, relations: RelationSet, rows: Sequence[tuple[Expression, ...]]

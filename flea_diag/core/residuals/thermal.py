@@ -202,9 +202,10 @@ class Heating:
         self._twice = [0.0] * len(self.most)
         read = {name for store in relations.predictions for name in symbols(store.supply)}
         read &= set(envelope.ranges)
-        self._read = [k for k, name in enumerate(relations.signals) if name in read]
-        ranges = [envelope.ranges[relations.signals[k]] for k in self._read]
-        self._low, self._high = np.array(ranges).reshape(-1, 2).T
+        self.read = [k for k, name in enumerate(relations.signals) if name in read]
+        """Signals that supply and have a range, by their places, and these ranges."""
+        ranges = [envelope.ranges[relations.signals[k]] for k in self.read]
+        self.low, self.high = np.array(ranges).reshape(-1, 2).T
 
     def step(self, signals: Array) -> tuple[Array, Array]:
         """``SupplyMean`` of n scans in times the most seen, shape (n, stores), and what follows it.
@@ -215,8 +216,8 @@ class Heating:
         columns = zip(self._twice, share.T.tolist(), strict=True)
         twice = [list(accumulate(mean, self._next, initial=last))[1:] for last, mean in columns]
         self._twice = [column[-1] for column in twice]
-        read = signals[:, self._read]
-        beyond = ((read < self._low) | (read > self._high)).any(axis=1, keepdims=True)
+        read = signals[:, self.read]
+        beyond = ((read < self.low) | (read > self.high)).any(axis=1, keepdims=True)
         strange = self._strange.step(np.where(beyond, signals, np.nan)) / self.most
         once = np.where(strange > STRANGE, np.nan, share)
         return share, np.column_stack((once, *map(np.array, twice)))

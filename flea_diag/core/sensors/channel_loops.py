@@ -54,3 +54,22 @@ def glance_loops(
         for c in range(len(last)):
             last[c] = before[c]
     return steady
+
+
+def last_loops(
+    rows: Array, refused: Flags, last: Array, age: Counts, longest: int, held: Array
+) -> bool:
+    """What is held of each scan, see ``LastReadings``; whether that differs from the rows."""
+    differs = False
+    for i in range(len(rows)):
+        for c in range(len(last)):
+            held[i, c] = rows[i, c]
+            if not math.isnan(rows[i, c]):
+                last[c], age[c] = rows[i, c], 0
+                continue
+            within = age[c] < longest
+            age[c] = min(age[c] + 1, longest)
+            if within and not (len(refused) and refused[i, c]):
+                held[i, c] = last[c]
+            differs |= within
+    return differs

@@ -74,12 +74,12 @@ class HeldReadings:
         """A gap in the stream: no run of equal readings spans it."""
         self._last = [(math.nan, math.nan, 0, 0)] * len(self._columns)
 
-    def step(self, rows: Array, usable: Array) -> Array:
-        """The number at each of n rows, shape (n, tests); rows of shape (n, channels).
+    def step(self, rows: Array, usable: Array, z: Array) -> bool:
+        """Fill in the number at each of n rows in its columns of ``z``; rows (n, channels).
 
-        What is held without a command becomes NaN in ``usable``, shape (n, channels).
+        What is held without a command becomes NaN in ``usable``, shape (n, channels); whether any.
         """
-        runs = []
+        places, any_withheld = iter(self.places), False
         for channel, (column, command) in enumerate(self._columns):
             held, before, run, alone = self._last[channel]
             told, withheld = [], []
@@ -97,6 +97,7 @@ class HeldReadings:
             self._last[channel] = held, before, run, alone
             if any(withheld):
                 usable[withheld, column] = math.nan
+                any_withheld = True
             if command is not None:
-                runs.append(told)
-        return np.array(runs, dtype=float).reshape(len(runs), len(rows)).T
+                z[:, next(places)] = told
+        return any_withheld

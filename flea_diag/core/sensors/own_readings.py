@@ -84,11 +84,16 @@ class OwnReadings:
         """A gap in the stream: what came before is forgotten."""
         self._kept = {}
 
-    def step(self, scan: int, recent: Array, count: int) -> dict[tuple[int, ...], ReadingTrain]:
+    def step(
+        self, scan: int, recent: Array, count: int, lacks: bool = True
+    ) -> dict[tuple[int, ...], ReadingTrain]:
         """Trains of the last ``count`` rows of ``recent``, which begins ``KEPT`` rows earlier.
 
-        ``scan`` is the number of the first of them.
+        ``scan`` is the number of the first of them; not ``lacks``: no reading is missing.
         """
+        if not lacks:
+            self._kept = {}
+            return {}
         missing = np.isnan(recent)
         lacking = np.asarray(missing.any(axis=0))
         found = {}

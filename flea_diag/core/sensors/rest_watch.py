@@ -79,31 +79,35 @@ class RestWatch:
     ) -> None:
         rests = {name: rest for name, rest in sensors.positions.items() if name in names}
         self._positions = [names.index(name) for name in rests]
-        self._rest, self._scans = np.array(list(rests.values())), scans
+        self._rest, self.scans = np.array(list(rests.values())), scans
         self._speed = [names.index(name) for name in names if name == sensors.speed]
+        self._columns = np.array(self._positions + self._speed, dtype=int)
         self.unseen = [names.index(name) for name in unseen]
         """Columns of the channels whose rest is not known."""
         self.interrupt()
 
     def interrupt(self) -> None:
         """A gap in the stream."""
-        self._last = np.full((self._scans, len(self._positions + self._speed)), np.nan)
+        self._last = np.full((self.scans, len(self._positions + self._speed)), np.nan)
         self._before = np.zeros((3, len(self.unseen)), dtype=bool)
 
-    def step(self, rows: Array) -> None:
-        """Take n rows, shape (n, channels); a missing reading stays what it was."""
-        motion = np.concatenate((self._last, rows[:, self._positions + self._speed]))
-        missing = np.isnan(motion)
-        if missing.any():
+    def step(self, rows: Array, is_whole: bool = False) -> None:
+        """Take n rows, shape (n, channels); a missing reading stays what it was.
+
+        ``is_whole``: none is missing, nor was in as many ``scans`` before.
+        """
+        motion = np.concatenate((self._last, rows.take(self._columns, axis=1)))
+        missing = None if is_whole else np.isnan(motion)
+        if missing is not None and missing.any():
             read = np.where(missing, 0, np.arange(len(motion))[:, None])
             motion = np.take_along_axis(motion, np.maximum.accumulate(read, axis=0), axis=0)
-        self._motion, self._last = motion, motion[-self._scans :]
+        self._motion, self._last = motion, motion[-self.scans :]
 
     def of(self, column: int) -> Flags | None:
         """At which of the rows a held reading of a channel is not judged; None: at none."""
         if column in self._speed:
             positions = self._motion[:, : len(self._positions)]
-            return at_rest(positions, self._rest, self._scans)
+            return at_rest(positions, self._rest, self.scans)
         return self._still(column) if column in self.unseen else None
 
     def leave_out(self, inside: Array) -> None:
@@ -117,7 +121,7 @@ class RestWatch:
 
     def _still(self, column: int) -> Flags:
         """Where all sensors of the motion but this one rest; nowhere if there is no other."""
-        scans, count = self._scans, len(self._positions)
+        scans, count = self.scans, len(self._positions)
         moved = moves(self._motion[:, :count], self._rest, scans)
         others = [~moved[:, k] for k, other in enumerate(self._positions) if other != column]
         if self._speed and column not in self._speed:

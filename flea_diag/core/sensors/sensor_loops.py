@@ -42,8 +42,8 @@ def look_loops(
     rows: Array, columns: Counts, bounds: tuple[Array, Array, Array],
     stepping: tuple[Counts, bool, Counts, Array],
     recent: Array, inside: Array, z: Array, odd: Flags,
-) -> bool:  # fmt: skip
-    """Scan after scan; returns whether any reading leaps or stands still.
+) -> tuple[bool, bool]:  # fmt: skip
+    """Scan after scan; whether any reading leaps or stands still, and whether any is missing.
 
     ``bounds`` are the ends of each range, and how far a reading goes in a scan, ``stepping`` the
     positions, whether they are paired, and columns and units of their steps in ``z``. ``recent``
@@ -67,7 +67,11 @@ def look_loops(
         for c in range(len(columns)):
             value = recent[len(recent) - len(inside) + i, c]
             inside[i, c] = value if low[c] < value < high[c] else math.nan
-    return anywhere
+    lacks = False
+    for i in range(len(recent)):
+        for c in range(len(columns)):
+            lacks |= math.isnan(recent[i, c])
+    return anywhere, lacks
 
 
 LOOKS = (look_loops, own_loops, step_of, middle_of)

@@ -117,6 +117,8 @@ class SensorTests:
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
+        self.withholds = False
+        """Whether any of the last readings is withheld."""
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
         self._places = {
@@ -186,15 +188,16 @@ class SensorTests:
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired, self._step_places, self._sizes
-        anywhere = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
-        trains = self._readings.step(self._scan, recent, count)
+        self.withholds = False
+        anywhere, lacks = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
+        trains = self._readings.step(self._scan, recent, count, lacks)
         own = {group[0]: train for group, train in trains.items() if len(group) == 1}
         if trains:
             anywhere |= self._look_apart(trains, own, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
         self.away = void = self._rushes(recent, inside) if leaps else None
         self._recent = recent[count:]
-        self._rest.step(recent[-count:])
+        self._rest.step(recent[-count:], is_whole=not lacks and self._rest.scans <= KEPT)
         self._rest.leave_out(inside)
         noise = self._noise.own(own, inside)
         z[:, self._places["noise"]] = self._noise.step(inside, noise)
@@ -235,7 +238,7 @@ class SensorTests:
         inside: Array,
         z: Array,
         odd: Flags,
-    ) -> bool:
+    ) -> tuple[bool, bool]:
         """``sensor_loops.look_loops`` in numpy."""
         count, (low, high, reach) = len(rows), bounds
         recent[-count:] = rows[:, columns]
@@ -245,7 +248,7 @@ class SensorTests:
             z[:, place] = step / size
         before, now = recent[-count - 1 : -1], recent[-count:]
         odd[:] = (np.abs(now - before) > reach) | (now == before)
-        return bool(odd.any())
+        return bool(odd.any()), bool(np.isnan(recent).any())
 
     def _look_apart(
         self,
@@ -315,7 +318,7 @@ class SensorTests:
             gap = scan - scans[n + 2]
             withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
             if withheld:
-                usable[scan, column] = np.nan
+                usable[scan, column], self.withholds = np.nan, True
             self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
             if step is not None and guard.disturbed:
                 z[scan, step] = leapt / limit.step

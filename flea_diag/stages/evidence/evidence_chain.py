@@ -86,6 +86,7 @@ class EvidenceChain(ObserverChain):
         results.z = results.z.copy()  # what the ledger of judgement goes on counting stays
         results.z[:, self._judged] += self.episode.z(len(block))
         results.k[:, self._judged] = self._limit
+        output.records = None  # those of the observer have these values
         return taken
 
     def other_unit(self, reading: ChannelReadings) -> int:

@@ -74,8 +74,8 @@ class EvidenceKnowledge(Frozen):
         own test alone.
     visible
         Sizes of faults that the law can see.
-    columns
-        Makes the windows of one stream.
+    columns, scans
+        What makes the windows of one stream, and the scans of one.
     """
 
     hypotheses: tuple[StreamHypotheses, StreamHypotheses]
@@ -85,6 +85,7 @@ class EvidenceKnowledge(Frozen):
     sensors: SensorKnowledge
     visible: tuple[VisibleSize, ...]
     columns: Callable[[], StreamColumns]
+    scans: int
 
     @property
     def faults(self) -> tuple[str, ...]:

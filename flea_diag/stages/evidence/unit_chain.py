@@ -40,7 +40,7 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.stages.recurrence.recurrence_watch import placed_along
-from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import Record
 
 KEPT_S = 20.0
@@ -69,6 +69,9 @@ class UnitChain(ObserverChain):
     def _forget(self) -> None:
         """Nothing so far counts."""
         self._columns = self._k.columns()
+        self._waiting: list[ResidualBlock] = []
+        self._waits = self._in_window = 0
+        """Scans that wait, and those of the present window that have been taken before them."""
         self._windows: deque[LawWindow] = deque(maxlen=round(KEPT_S / WINDOW_S))
         self._question: ShiftQuestion | None = None
         """Of a shift that has not opened an episode yet, or of the one that opened it."""
@@ -99,12 +102,18 @@ class UnitChain(ObserverChain):
         answered = len(block)
         if self.stream.learns:  # until its zeros are known, a residual is another quantity
             return answered
-        placed = placed_along(self._records.block(block, output), self._position)
-        for number, window in self._columns.add(placed):
+        before, count = self._waits, self._in_window + self._waits + len(block)
+        self._waiting.append(self._records.block(block, output))
+        if count < self._k.scans:  # nothing is asked before a window is whole
+            self._waits += len(block)
+            return answered
+        joined, self._waiting, self._waits = ResidualBlock.joined(self._waiting), [], 0
+        self._in_window = count % self._k.scans
+        for number, window in self._columns.add(placed_along(joined, self._position)):
             kept = replace(window, values=np.where(self._slow, np.nan, window.values))
             self._windows.append(kept)
             if self._question is not None and self._question.add(kept):
-                answered = min(answered, number)
+                answered = min(answered, number - before)
         return answered
 
     def _shifts(self, output: StreamOutput) -> bool:

@@ -117,7 +117,7 @@ class IsolatorStage:
             if knowledge.recurrence is not None
             else None
         )
-        scans = ScanIsolation(
+        self._scans = scans = ScanIsolation(
             parameters, made, stand, motion, self._vibration, self._recurrence, self._episodes,
             self._output,
         )  # fmt: skip
@@ -171,12 +171,16 @@ class IsolatorStage:
         self._vibration.monitor.clear()
         if self._recurrence is not None:
             self._recurrence.rearm()
+        self._scans.turn()
         return self._output.say(self._merge.now_ns)
 
     def _drain(self, everything: bool) -> Records:
         out: list[Record] = []
         while (record := self._merge.pop(everything, self._takes_blocks)) is not None:
-            out.extend(self._take[type(record)](record))
+            kind = type(record)
+            if kind is not Residual:
+                self._scans.turn()
+            out.extend(self._take[kind](record))
         return tuple(out)
 
     def _detection(self, record: Detection) -> Records:

@@ -175,7 +175,7 @@ class LikelihoodMethod:
 
     def pass_by(self, record: Residual, quiet: bool) -> None:
         """Jumps are remembered; the baseline of the unit is that of quiet scans."""
-        self._jumps.add((record.stamp_ns,), (record.regressors,))
+        self._jumps.add_scan(record.stamp_ns, record.regressors)
         if quiet:
             self._quantitative.learn_scan(record)
 

@@ -52,6 +52,12 @@ class ScanIsolation:
         self._recurrence = recurrence
         self._episodes = episodes
         self._output = output
+        self._judged: tuple[bool, ...] = ()
+        """What of the last quiet scan its verdict rests on; empty: something else has changed."""
+
+    def turn(self) -> None:
+        """A record of another kind has come: the next scan has a verdict."""
+        self._judged = ()
 
     def step(self, record: Residual) -> Records:
         """Records caused by one scan."""
@@ -78,6 +84,7 @@ class ScanIsolation:
 
     def _recur(self, stamp_ns: int, found: ComesAndGoes) -> Records:
         """A fault comes and goes, has come once more, or is over."""
+        self.turn()
         self._episodes.recur(stamp_ns, found)
         return self._output.say(stamp_ns)
 
@@ -90,15 +97,24 @@ class ScanIsolation:
         episode = self._episodes.current
         if episode is None or raised:
             self._method.pass_by(record, quiet=episode is None)
-            return raised or self._output.say(record.stamp_ns)
+            return raised or self._quiet(record.stamp_ns)
         looks = self._method.looks(episode, block_of(record))
         if seen := [self._evaluated(record.stamp_ns, episode) for _ in looks]:
             return seen[0]
         looks_out = episode.query.looks_out(record.stamp_ns)
         return self._output.ask(record.stamp_ns) if looks_out else ()
 
+    def _quiet(self, stamp_ns: int) -> Records:
+        """The verdict without an episode, where it may be another one."""
+        judged = self._stand.judged(stamp_ns, self._rest_ns)
+        if judged == self._judged:
+            return ()
+        self._judged = judged
+        return self._output.say(stamp_ns)
+
     def _scans(self, block: ResidualBlock) -> Records:
         """What many scans cause by themselves."""
+        self.turn()
         if not len(block):
             return ()
         moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
@@ -128,5 +144,6 @@ class ScanIsolation:
         alarm, episode = self._vibration.alarm(stamp_ns), self._episodes.current
         if alarm is None or (episode is not None and not episode.yields_to_vibration):
             return ()
+        self.turn()
         self._episodes.open_by_vibration(stamp_ns, alarm)
         return self._output.go_on(stamp_ns)

@@ -198,6 +198,14 @@ class StandStatus:
         if turned != self.turned:
             self.turned, self.unjudged = turned, found
 
+    def judged(self, stamp_ns: int, rest_ns: float) -> tuple[bool, ...]:
+        """What of a scan the outcome without an episode rests on."""
+        return (
+            self.seen_moving,
+            rested(stamp_ns, self.moved_ns, rest_ns),
+            diverged(stamp_ns, self.lost_ns),
+        )
+
     def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
         """Take one scan."""
         self._begin(stamp_ns)

@@ -56,14 +56,17 @@ class ModeWatch:
     @property
     def voids(self) -> bool:
         """Whether something is not tested for a mode."""
-        return any(row.voids for row, state in self._each() if state != OUT) or any(
-            row.only for row, state in self._each() if state != IN
+        return bool(self._now) and (
+            any(row.voids for row, state in self._each() if state != OUT)
+            or any(row.only for row, state in self._each() if state != IN)
         )
 
     @property
     def lost(self) -> bool:
         """Whether the equations of motion do not hold."""
-        return any(not row.followed for row, state in self._each() if state != OUT)
+        return bool(self._now) and any(
+            not row.followed for row, state in self._each() if state != OUT
+        )
 
     @property
     def words(self) -> str:

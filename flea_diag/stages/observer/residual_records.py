@@ -38,7 +38,12 @@ class ResidualRecords:
         self._names = tuple(tested)
 
     def block(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
-        """One record for each of these scans."""
+        """One record for each of these scans; made once."""
+        if output.records is None:
+            output.records = self._made(scans, output)
+        return output.records
+
+    def _made(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
         results = output.results
         shaped("regressors", output.regressors.shape, (len(scans), len(self._regressor_names)))
         return ResidualBlock(

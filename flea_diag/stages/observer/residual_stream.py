@@ -19,6 +19,7 @@ Each step is a file of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -47,6 +48,7 @@ from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, RunWatch, WarmUp
 from flea_diag.stages.stream.last_readings import LastReadings
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     NEVER_NS,
     OTHER_UNIT,
@@ -67,7 +69,7 @@ class StreamOutput:
     """Residuals, test results, regressors, voltage trust and estimates of n scans.
 
     ``turn``: the first scan with which a condition begins or ends, or a test is no longer judged,
-    or n; later ones do not count.
+    or n; later ones do not count. ``records``: see ``ResidualRecords``.
     """
 
     residuals: ResidualRows
@@ -76,6 +78,7 @@ class StreamOutput:
     voltage: VoltageVerdict
     estimate: ObserverOutput
     turn: int
+    records: ResidualBlock | None = None
 
 
 class ResidualStream:
@@ -112,14 +115,15 @@ class ResidualStream:
         self._voltage = VoltageTrust(known, c.voltage_limit_v, c.counts)
         self._estimate = estimate
         self._speed = SpeedTrust(known, self._bank.has_encoder, c.counts.kernel)
-        self._last = LastReadings(self._width, c.counts.kernel // 2)
+        self._last = LastReadings(self._width, c.counts.kernel // 2, backend)
         self._lost: Flags = np.zeros(c.counts.kernel, dtype=bool)
+        self._loses = False
         self.conditions = ConditionWatch(c, relations)
         self.modes = ModeWatch(known)
         self._bands = SupplyBands(relations)
         self._outside_ns = NEVER_NS
         self.envelope = (
-            EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s)
+            EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s, backend)
             if c.envelope
             else None
         )
@@ -208,9 +212,12 @@ class ResidualStream:
         if lost > 0:
             self.ledger.lose(lost)
             self._lose(before_ns, lost, frozen)
-        self._voltage.withhold(given, rows)
-        output = self._follow(stamps_ns, rows, sensors, frozen, np.isnan(rows) & ~np.isnan(raw))
-        if self._lost.any():
+        refused = None
+        if self._sensors.withholds or given is not raw:
+            self._voltage.withhold(given, rows)
+            refused = np.isnan(rows) & ~np.isnan(raw)
+        output = self._follow(stamps_ns, rows, sensors, frozen, refused)
+        if self._loses:
             self._count_lost(np.zeros(len(rows), dtype=bool))
         output.regressors[:, self._regressors.jumps] = self._jumps.step(given)
         return output
@@ -221,7 +228,7 @@ class ResidualStream:
         rows, sensors = (
             np.full((count, width), np.nan) for width in (self._width, len(self._sensors.k))
         )
-        self._follow(stamps_ns, rows, sensors, frozen)
+        self._follow(stamps_ns, rows, sensors, frozen, read=False)
         self._count_lost(np.ones(count, dtype=bool))
         if 2 * np.count_nonzero(self._lost) > len(self._lost):
             # The filter bridges a few, and drifts over more.
@@ -230,16 +237,16 @@ class ResidualStream:
     def _count_lost(self, lost: Flags) -> None:
         """Which of the last scans, as many as a kernel has, are lost."""
         self._lost = np.append(self._lost, lost)[-len(self._lost) :]
+        self._loses = bool(self._lost.any())
 
     def _follow(
         self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool,
-        refused: Flags | None = None,
+        refused: Flags | None = None, read: bool = True,
     ) -> StreamOutput:  # fmt: skip
         """Take rows, shape (n, channels); ``refused`` are readings that are not to be used.
 
-        None: the scans are lost.
+        None: none are. Not ``read``: the scans are lost.
         """
-        read = refused is not None
         held = self._last.step(rows, refused)
         residuals = self._bank.step(rows, frozen, held, refused)
         residuals.values[:, self._sensor_columns] = sensors
@@ -290,6 +297,8 @@ class ResidualStream:
         """Scans whose voltage no command corroborates, shape (n,); None where there is none."""
         if self._command is None:
             return np.ones(len(residuals), dtype=bool)
+        if len(residuals) == 1 and not math.isnan(residuals.signals.item(0, self._command)):
+            return None  # the same without arrays
         alone = np.isnan(residuals.signals[:, self._command])
         return alone if np.count_nonzero(alone) else None
 
@@ -306,7 +315,8 @@ class ResidualStream:
     def told(self) -> bool:
         """Whether the last scan has changed what is reported of conditions or of judgement."""
         placed = self.envelope is not None and self.envelope.turned
-        return placed or self.ledger.turned or any(part.told for part in self._telling)
+        run = self._run is not None and self._run.told
+        return placed or self.ledger.turned or self.conditions.told or self.modes.told or run
 
     @property
     def _telling(self) -> tuple[ConditionWatch | ModeWatch | RunWatch, ...]:

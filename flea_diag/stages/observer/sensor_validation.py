@@ -50,6 +50,8 @@ class SensorValidation:
         self._period_ns = round(calibration.period_s * 1e9)
         self._places: npt.NDArray[np.int64] | None = None
         """Of the last scans among those tested, where some were missing."""
+        self.withholds = False
+        """Whether any of the last readings is withheld."""
         self.k = self._tests.k.copy()
         self.k[self._held.places] = self._held.k
         """Limit of each test, NaN where the calibration has none."""
@@ -78,6 +80,7 @@ class SensorValidation:
     def step(self, before_ns: int, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
         """Usable readings, shape (n, channels), and test statistics, shape (n, sensor tests).
 
+        Where none is withheld the usable ones are the rows, see ``withholds``.
         ``before_ns`` is the stamp of the scan before these.
         """
         self._places = None
@@ -95,5 +98,6 @@ class SensorValidation:
 
     def _tested(self, rows: Array) -> tuple[Array, Array]:
         results = self._tests.step(rows)
-        results.z[:, self._held.places] = self._held.step(rows, results.usable)
+        held = self._held.step(rows, results.usable, results.z)
+        self.withholds = held or self._tests.withholds
         return results.usable, results.z

@@ -78,7 +78,7 @@ class VoltageTrust:
         lost_at = len(residuals)
         held, self._held = self._held, None
         if self._circuit < 0 or (alone is None and not self.lost):
-            sure = ~np.zeros(lost_at, dtype=bool)
+            sure: Flags = np.ones(lost_at, dtype=bool)
             return VoltageVerdict(sure, sure, lost_at, self.columns)
         alone = np.zeros(lost_at, dtype=bool) if alone is None else alone
         electrical = np.where(alone, residuals.values[:, self._circuit], np.nan)

@@ -19,14 +19,20 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
+from flea_diag.core.sensors.channel_loops import last_loops
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+NOTHING: Flags = np.zeros((0, 0), dtype=bool)
 
 
 class LastReadings:
     """Holds the readings of one stream over short gaps, for what asks where the machine is."""
 
-    def __init__(self, channels: int, longest: int) -> None:
+    def __init__(self, channels: int, longest: int, backend: str = "auto") -> None:
+        self._compiled = backends.chosen(backend) == "numba"
         self._longest = longest
         self._last = np.full(channels, np.nan)
         self._age = np.full(channels, longest, dtype=np.int64)
@@ -36,6 +42,11 @@ class LastReadings:
 
         ``refused`` are readings that there were: nothing is held in their place.
         """
+        if self._compiled:
+            held = np.empty_like(rows)
+            told = NOTHING if refused is None else refused
+            memory = self._last, self._age, self._longest
+            return held if backends.exact(last_loops)(rows, told, *memory, held) else rows
         missing = np.isnan(rows)
         if (missing == (self._age >= self._longest)).all():
             # Each channel is there throughout, or has long been gone.

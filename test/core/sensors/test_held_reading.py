@@ -40,7 +40,10 @@ def runs(cuts: list[int]) -> list[float]:
     assert tested.k.tolist() == [50.0]
     rows = np.stack((np.zeros(len(VOLTS)), VOLTS, COMMANDS), axis=1)
     parts = np.split(rows, cuts)
-    return [x for part in parts for x in tested.step(part, part.copy())[:, 0].tolist()]
+    told = [np.full((len(part), len(FLEA.names)), np.nan) for part in parts]
+    for part, z in zip(parts, told, strict=True):
+        assert not tested.step(part, part.copy(), z)
+    return np.concatenate(told)[:, tested.places[0]].tolist()
 
 
 @pytest.mark.parametrize("cuts", [[], [2, 3], list(range(1, 10))])
@@ -58,8 +61,10 @@ def test_without_a_command_a_held_voltage_blames_nobody_and_is_withheld(
     rows = np.stack((np.zeros(len(volts)), volts, np.full(len(volts), np.nan)), axis=1)
     tested, usable = HeldReadings([LIMIT], channels, FLEA, 0.01), rows.copy()
     bounds = zip([0, *cuts], [*cuts, len(rows)], strict=True)
-    runs = [tested.step(rows[a:b], usable[a:b]) for a, b in bounds]
-    assert not np.concatenate(runs).any()
+    z = np.zeros((len(rows), len(FLEA.names)))
+    withheld = [tested.step(rows[a:b], usable[a:b], z[a:b]) for a, b in bounds]
+    assert any(withheld)
+    assert not z.any()
     assert np.flatnonzero(np.isnan(usable[:, 1])).tolist() == [5, 6, 9]
     assert np.array_equal(usable[:, 0], rows[:, 0])
 
@@ -73,9 +78,11 @@ def test_every_machine_that_is_shipped_knows_how_long_its_voltage_may_be_held(st
 def test_a_gap_ends_a_run() -> None:
     tested = HeldReadings([LIMIT], CHANNELS, FLEA, 0.01)
     rows = np.array([[0.0, 2.0, 1.0], [0.0, 2.0, 2.0], [0.0, 2.0, 3.0]])
-    assert tested.step(rows, rows.copy())[:, 0].tolist() == [0, 1, 2]
-    tested.interrupt()
-    assert tested.step(rows, rows.copy())[:, 0].tolist() == [0, 1, 2]
+    for _ in range(2):
+        z = np.zeros((len(rows), len(FLEA.names)))
+        tested.step(rows, rows.copy(), z)
+        assert z[:, tested.places[0]].tolist() == [0, 1, 2]
+        tested.interrupt()
 
 
 def test_a_voltage_that_healthy_recordings_hold_for_seconds_is_not_tested() -> None:
