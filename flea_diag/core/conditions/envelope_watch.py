@@ -149,12 +149,7 @@ class EnvelopeWatch:
         self._travel = known.travel
         if self._travel is not None:
             self._factors = self._travel.table([row.name for row in table.rows])
-        self._speeds = NAMED["faster_than_recorded"].columns(relations)
-        compared = [row for row in relations.relations if row.name in table.of_one_speed]
-        read = [s for row in compared for s in row.signals if s in known.ranges]
-        self._read = [(relations.signals.index(name), *known.ranges[name]) for name in read]
-        self._faster, self._fast = Lingering(kernel), True
-        """Whether a speed may have been beyond its range in the last scans."""
+        self._compare(known, relations, kernel)
         # numba knows no empty tuple of results.
         compiled = backends.chosen(backend) == "numba" and bool(stores)
         self._compiled: tuple[Any, ...] = (
@@ -168,6 +163,16 @@ class EnvelopeWatch:
         self.turned = False
         """Whether the last scan has changed what abstains."""
         self.place = ANYWHERE
+
+    def _compare(self, known: CalibrationEnvelope, relations: RelationSet, kernel: int) -> None:
+        """Which readings of a speed are held against each other, and their ranges."""
+        self._speeds = NAMED["faster_than_recorded"].columns(relations)
+        one_speed = relations.residuals.of_one_speed
+        compared = [row for row in relations.relations if row.name in one_speed]
+        read = [s for row in compared for s in row.signals if s in known.ranges]
+        self._read = [(relations.signals.index(name), *known.ranges[name]) for name in read]
+        self._faster, self._fast = Lingering(kernel), True
+        """Whether a speed may have been beyond its range in the last scans."""
 
     def _known_of(
         self, relations: RelationSet, parameters: Any, period_s: float
