@@ -83,7 +83,7 @@ def diagnosed(backend: str = "auto") -> Pipeline:
 
 @cache
 def told(end: str = "upper", backend: str = "auto") -> tuple[Record, ...]:
-    return tuple(stands.feed(diagnosed(backend), pressed(end)))
+    return tuple(stands.replay(diagnosed(backend), pressed(end)))
 
 
 def contacts(said: tuple[Record, ...]) -> list[ChannelQuality]:

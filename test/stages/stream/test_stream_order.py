@@ -52,7 +52,7 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
 def test_a_jump_back_in_time_starts_afresh():
     stage = stands.observer()
     stands.replay(stage, jammed())
-    again = stands.feed(stage, healthy())
+    again = stands.replay(stage, healthy())
     assert stands.of(Detection, again) == []
     # The first nine are not yet believed.
     fresh = stands.replay(stands.observer(), healthy()[9:])
@@ -62,7 +62,7 @@ def test_a_jump_back_in_time_starts_afresh():
 def test_a_gap_empties_the_window_and_is_counted():
     stage = stands.observer()
     whole = healthy()
-    out = stands.feed(stage, whole[:1000] + whole[1050:])
+    out = stands.replay(stage, whole[:1000] + whole[1050:])
     assert counters(stage, whole[-1], "sensors/slow")["lost"] == 50
     after_gap = stands.of(Residual, out)[1000]
     assert math.isnan(after_gap.values[after_gap.names.index("parity_mechanical")])
@@ -70,5 +70,5 @@ def test_a_gap_empties_the_window_and_is_counted():
 
 
 def test_a_few_lost_scans_raise_nothing():
-    out = stands.feed(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
+    out = stands.replay(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
     assert decisions(out) == []
