@@ -305,7 +305,10 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
     assert again[-1].outcome is row.last, again[-1].words
 
 
-@pytest.mark.parametrize("name", WIRINGS)
+@pytest.mark.parametrize(
+    "name", ["a load cell with its sign turned", "a command cut off", "a position 50 ms late",
+             "revolutions a minute as rad/s", "positions swapped"]
+)  # fmt: skip
 def test_the_evidence_names_the_wiring_too(name: str) -> None:
     words, change = WIRINGS[name]
     run = rewired(change, run_of(HEALTHY, LENGTH_S))

@@ -224,14 +224,19 @@ AXES = ("accelerometer_1_x", "accelerometer_2_x")
 
 
 def answered(symbol_of: Callable[[str], str], coulomb: float = 150.0) -> list[Record]:
-    """What is said of a drag on a stand with accelerometers, whose features have these symbols."""
+    """What is said of a drag on a stand with accelerometers, whose features have these symbols.
+
+    Until just before the onset in one block, then scan by scan, for eleven seconds.
+    """
     stand = diagnosis()
     stage = Pipeline((
         stand.observer(ObserverParameters()),
         stand.isolator(IsolatorParameters(), in_process=True),
     ))  # fmt: skip
-    waiting: list[Record] = [table(AXES), *block(running(coulomb=coulomb)).records()]
-    out: list[Record] = []
+    scans = block(running(coulomb=coulomb))
+    out: list[Record] = list(stage.handle(table(AXES)))
+    out += stage.handle_block(scans.part(slice(0, 850)))
+    waiting: list[Record] = list(scans.part(slice(850, 2000)).records())
     while waiting:
         said = list(stage.handle(waiting.pop(0)))
         out += said
