@@ -41,7 +41,9 @@ def command(bag: Path, *arguments: str) -> list[str]:
     return [sys.executable, "-m", module, "--headless", "--bag", str(bag), *arguments]
 
 
-def test_nodes_that_are_killed_come_back_and_an_interrupted_run_sums_up(domain: int, tmp_path: Path) -> None:
+def test_nodes_that_are_killed_come_back_and_an_interrupted_run_sums_up(
+    domain: int, tmp_path: Path
+) -> None:
     with Process(command(tmp_path / "run", "--for", "600", "--at", "7"), domain) as process:
         process.wait_for("ISOLATED", limit_s=180.0)
         for name in ("isolator", "recorder"):

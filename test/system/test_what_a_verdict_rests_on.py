@@ -14,7 +14,7 @@
 
 """Valid messages that would mislead: the right answer to each, in a live graph and replayed.
 
-Where only what scans say is spoilt, a replay decides for all, and a live graph for one of each kind:
+Where only scans are spoilt, a replay decides for all, and a live graph for one of each kind:
 that both decide the same of the same scans is the subject of ``test_replay_bags.py``.
 """
 

@@ -62,6 +62,7 @@ def changed(rows: np.ndarray, channel: str, start: int, change: float) -> np.nda
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ["optimal", "kalman"])
 def test_residuals_of_a_healthy_actuator_are_as_wide_as_foretold(backend: str, kind: str) -> None:

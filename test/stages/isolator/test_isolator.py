@@ -287,6 +287,7 @@ def test_of_what_is_latched_symbols_may_come_before_their_detection():
     assert groups[0].members
 
 
+@pytest.mark.slow
 def test_episode_and_step_only_grow_and_the_group_only_shrinks():
     for scans in (jammed(), faulty_sensor("motor_current", lambda y: y + 0.6)):
         groups = [g for g in stands.of(AmbiguityGroup, diagnose(scans)) if g.episode]

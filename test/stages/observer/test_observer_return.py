@@ -48,7 +48,7 @@ S = 1_000_000_000
 AWAY = 150
 """Scans that arrive while no observer runs."""
 ALONE = 100
-"""Scans that come one by one to an observer that is back; the others in blocks, with the same bits."""
+"""Scans that come one by one to an observer that is back; those after them come in blocks."""
 
 
 @lru_cache(maxsize=1)

@@ -67,8 +67,7 @@ def sent() -> tuple[Record, ...]:
 
 
 def followed(stand: Stand, alone: tuple[int, int] = (END, END)) -> list[SizeTrend]:
-    """What is said of the size in blocks; scans of stamps in ``alone`` go one by one, then it ends.
-    """
+    """What is said of the size in blocks; the last scans, of stamps in ``alone``, go singly."""
     begin_ns, end_ns = alone
     before = [record for record in sent() if record.stamp_ns < begin_ns]
     singly = [record for record in sent() if begin_ns <= record.stamp_ns < end_ns]

@@ -19,12 +19,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import pytest
 from support import stands
 from support.observer_scans import counters, decisions, healthy, jammed
 
 from flea_diag.wire.records import DataQuality, Detection, Residual
 
 
+@pytest.mark.slow
 def test_duplicates_and_late_scans_change_nothing_but_the_counters():
     disturbed = []
     for k, scan in enumerate(jammed()):
@@ -49,6 +51,7 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_jump_back_in_time_starts_afresh():
     stage = stands.observer()
     stands.replay(stage, jammed())
@@ -69,6 +72,7 @@ def test_a_gap_empties_the_window_and_is_counted():
     assert decisions(out) == []
 
 
+@pytest.mark.slow
 def test_a_few_lost_scans_raise_nothing():
     out = stands.replay(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
     assert decisions(out) == []

@@ -45,7 +45,7 @@ class Recorded:
 
 
 def recorded(number: int, folder: Path) -> Recorded:
-    """Record a second and a half, three times what is written at once; the operation of this number fails, 0 is none."""
+    """Record a second and a half, three writes; the operation of this number fails, 0 is none."""
     scheduler = Scheduler(number)
     network, begun_ns = Network(scheduler), scheduler.now_ns
     failed_ns: list[int] = []
