@@ -108,6 +108,7 @@ def test_correcting_observer_smears_what_the_frozen_one_does_not() -> None:
     assert abs(kept.mean() - still.mean()) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     "channel",
