@@ -34,6 +34,8 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "test" / "expected_decisions" / "real" / "flea.json"
+SHARED = ("-j", "2")
+"""Two processes share the work; the results are the same."""
 OF_A_RUN = ("bag", "outcome", "ambiguity_group", "decision_digest", "backend")
 OF_AN_EPISODE = ("outcome", "detected_at_s", "ambiguity_group")
 
@@ -51,13 +53,15 @@ def decided(files: list[Path], folder: Path) -> list[dict[str, Any]]:
     """What is decided on these recordings, the bags named by their files."""
     nominal = [file for file in files if "_Nominal_" in file.name]
     learned = nominal[::2]
-    flea("import", *learned, "-o", folder / "learned")
-    flea("calibrate", *sorted((folder / "learned").iterdir()), "-o", folder / "calibration.yaml")
+    flea("import", *learned, "-o", folder / "learned", *SHARED)
+    bags = sorted((folder / "learned").iterdir())
+    flea("calibrate", *bags, "-o", folder / "calibration.yaml", *SHARED)
     rest = [file for file in files if file not in learned]
-    flea("import", *rest, "-o", folder / "bags")
+    flea("import", *rest, "-o", folder / "bags", *SHARED)
     out = folder / "replays.json"
     bags = sorted((folder / "bags").iterdir())
-    flea("replay", *bags, "--calibration", folder / "calibration.yaml", "-q", "--json", out)
+    known = ("--calibration", folder / "calibration.yaml")
+    flea("replay", *bags, *known, "-q", "--json", out, *SHARED)
     return [decision(each) for each in json.loads(out.read_text(encoding="utf-8"))]
 
 

@@ -77,6 +77,7 @@ def run(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "content"), [("nbi", b""), ("nbi", b"\x80\x05K"), ("nbc", b"garbage")]
 )

@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from support import stands
+from support import examples, stands
 from support.decisions import BAGS
 from support.models import linear_ema as ema
 
@@ -180,7 +180,7 @@ FAULTS = st.tuples(
 @example("healthy", [("back", 403, 1, float("nan"))], [203])  # back into the warm-up just over
 @example("turned", [], [203])
 @example("turned", [("gap", 900, 100, float("nan"))], [1, 977])
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(
     st.sampled_from(sorted(RUNS)),
     st.lists(FAULTS, max_size=3),

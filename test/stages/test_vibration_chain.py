@@ -204,7 +204,7 @@ def test_the_level_that_opens_an_episode_is_an_answer_already() -> None:
     )
     chain = make_pipeline(load_stand())
     kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
-    group = last([caused for record in kept for caused in chain.handle(record)])
+    group = last(list(stands.said_in_blocks(chain, kept)))
     assert re.match("accelerometer_2_[xyz]: level", group.opened_by)
     assert [member.fault for member in group.members] == ["accelerometer_2_fault"]
     short = next(row for row in group.dropped if row.fault == "winding_short")
@@ -353,8 +353,5 @@ def test_accelerometers_without_a_table_are_said_to_be_deaf_and_judged_ones_are_
 
 def replayed(made: list[Record]) -> list[Record]:
     """All that the three stages say to these records."""
-    chain, out = make_pipeline(load_stand(), state_observer="none"), []
-    for record in made:
-        if not isinstance(record, Truth):
-            out += chain.handle(record)
-    return [*out, *chain.finish()]
+    chain = make_pipeline(load_stand(), state_observer="none")
+    return stands.replay(chain, (record for record in made if not isinstance(record, Truth)))

@@ -57,6 +57,7 @@ from flea_diag.wire.topics import TOPIC_NAMED
 from flea_sim_driver.scenario.scenario_file import load_scenario, scenario_from_mapping
 from support.json_readers import json_readers
 from support.places import ROOT
+from support.stands import said_in_blocks
 
 BAG = ROOT / "bags" / "winding_short"
 ODD = (
@@ -270,11 +271,7 @@ def _said() -> list[Record]:
     pipeline = component.make_pipeline(
         load_stand(), state_observer="none", observer_backend="numpy"
     )
-    return [
-        said
-        for _, record in BagReader(BAG).records(pipeline.consumes)
-        for said in pipeline.handle(record)
-    ]
+    return list(said_in_blocks(pipeline, (r for _, r in BagReader(BAG).records(pipeline.consumes))))
 
 
 _VIBRATION: tuple[Record, ...] = (

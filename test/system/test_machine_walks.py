@@ -49,6 +49,7 @@ class Walk:
     group: frozenset[str]
     more: tuple[str, ...] = ()
     kind: str = "recordings"
+    seconds: int = 24
     edited: dict[str, Any] = field(default_factory=dict)
 
 
@@ -62,7 +63,11 @@ BRAKE = {
 WIDE = ("nominal", "nominal_wide", "nominal_triangle", "nominal_trapezoid")
 WALKS = {
     "axis": Walk(
-        WIDE, "gear_friction", frozenset({"gear_friction", "jam"}), edited={"brake_engaged": BRAKE}
+        WIDE,
+        "gear_friction",
+        frozenset({"gear_friction", "jam"}),
+        seconds=30,
+        edited={"brake_engaged": BRAKE},
     ),
     "shoulder": Walk(WIDE, "gear_friction", frozenset({"gear_friction", "jam"})),
     "gimbal": Walk(
@@ -84,7 +89,9 @@ def commands(machine: str) -> list[str]:
 def recorded(machine: str, place: Path) -> None:
     """Recordings of healthy runs and of one with a fault."""
     walk = WALKS[machine]
-    given = f"--machine {machine} --unit-seed {UNIT} --duration 30 --no-vibration".split()
+    given = (
+        f"--machine {machine} --unit-seed {UNIT} --duration {walk.seconds} --no-vibration".split()
+    )
     named = [(f"healthy_{k}", name) for k, name in enumerate(walk.healthy)]
     for seed, (bag, name) in enumerate([*named, ("strange", walk.fault)]):
         simulated = str(place / "simulated" / bag)

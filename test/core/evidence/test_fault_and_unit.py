@@ -240,6 +240,7 @@ def test_explanations_are_told_apart_once_the_motion_has_gone_both_ways_since_th
     assert [hypotheses().friction.way(every[n]) for n in (0, 4, 12)] == [0, 1, -1]
 
 
+@pytest.mark.slow
 def test_a_stream_is_known_for_as_long_as_the_recordings_of_its_law() -> None:
     signatures = signatures_of(MODELS, SIGNALS, LAW)
     made = [

@@ -62,6 +62,7 @@ def changed(rows: np.ndarray, channel: str, start: int, change: float) -> np.nda
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ["optimal", "kalman"])
 def test_residuals_of_a_healthy_actuator_are_as_wide_as_foretold(backend: str, kind: str) -> None:
@@ -107,6 +108,7 @@ def test_correcting_observer_smears_what_the_frozen_one_does_not() -> None:
     assert abs(kept.mean() - still.mean()) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     "channel",

@@ -99,7 +99,7 @@ def test_the_verdict_is_a_mismatch_that_names_it() -> None:
         else record
         for record in records
     ]
-    said = stands.verdict(stands.feed(make_pipeline(load_stand()), wrong))
+    said = stands.verdict(stands.replay(make_pipeline(load_stand()), wrong))
     assert said.outcome is Outcome.MODEL_MISMATCH
     assert said.words == f"motor_current is in 'mA', must be in 'A': {NEEDED}"
 

@@ -257,6 +257,7 @@ def test_a_reversal_is_no_standstill():
     assert not found.moving[31:][still].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 97, 4000])
 @pytest.mark.parametrize("encoder", [5e-4, 0.0])
 def test_compiled_gives_the_bits_of_python(block, encoder):

@@ -89,6 +89,7 @@ def test_the_motion_keeps_its_direction() -> None:
     assert relations.residuals.friction == "parity_mechanical"
 
 
+@pytest.mark.slow
 def test_backlash_is_among_what_this_stand_shows() -> None:
     known = knowledge(STAND, learned(STAND))
     models = [m for m in known.effects.bound(known.calibration.parameters) if m.fault == "backlash"]

@@ -51,6 +51,7 @@ def test_more_recordings_do_not_widen_what_they_differ_by():
     assert many.terms[0].run_sigma <= 1.3 * few.terms[0].run_sigma
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odd", [1, 2, 3])
 def test_unsound_recordings_of_one_kind_do_not_mask_each_other(odd):
     rng = np.random.default_rng(3)
@@ -158,6 +159,7 @@ def test_a_third_of_another_kind_is_kept_and_said_to_contradict_the_others():
     assert len(fit.sound) == len(drags)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [2, 4])
 def test_what_a_recording_of_every_unit_shows_is_of_its_motion(units):
     rng = np.random.default_rng(11)
@@ -190,6 +192,7 @@ def test_a_motion_that_three_units_of_four_show_is_no_defect():
     assert not fit.unsound
 
 
+@pytest.mark.slow
 def test_two_motions_of_every_unit_do_not_contradict_the_others():
     """A third of the recordings are of two kinds that the description lacks: of no defect."""
     rng = np.random.default_rng(13)

@@ -140,12 +140,14 @@ def test_trains_are_those_that_came_whatever_the_blocks() -> None:
         assert places == expected[: len(places)].tolist() == expected.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", LOST)
 def test_healthy_channels_that_lack_readings_are_quiet(limits, how) -> None:
     for seed in range(100, 104):
         assert called(limits, lacking(healthy(seed), how)) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", LOST)
 @pytest.mark.parametrize(
     ("name", "column", "spoil"),
@@ -196,6 +198,7 @@ def test_a_window_of_noise_counts_readings(limits) -> None:
     assert 1.3 < (half - 1000) / (whole - 1000) < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hz", [1.0, 2.0])
 def test_a_slow_thermocouple_is_tested_by_its_own_rate(hz) -> None:
     """It measures once or twice a second, to 0.1 K, and is held in between."""
@@ -241,6 +244,7 @@ def moving(seed: int) -> np.ndarray:
     return np.round(np.column_stack((speed, positions)) / [0.01, 4e-6, 4e-6]) * [0.01, 4e-6, 4e-6]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 50])
 def test_at_rest_nothing_is_judged_that_no_recording_shows_at_rest(block) -> None:
     runs = [dict(zip(NAMES, moving(seed).T, strict=True)) for seed in range(8)]

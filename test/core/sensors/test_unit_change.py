@@ -24,6 +24,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support import stands
 from support.stand_runs import records
 
 from flea_diag.configuration.component import make_pipeline
@@ -102,14 +103,14 @@ def diagnosed(**steps_k: float) -> list[Record]:
     """What is said of a healthy run whose temperatures step after 14 s."""
     pipeline = make_pipeline(load_stand())
     first = next(record.stamp_ns for record in quiet() if isinstance(record, Scan))
-    said: list[Record] = []
+    given: list[Record] = []
     for record in quiet():
         if isinstance(record, Scan) and record.stamp_ns >= first + 14_000_000_000:
             pairs = zip(record.channels, record.values, strict=True)
             values = tuple(value + steps_k.get(name, 0.0) for name, value in pairs)
             record = replace(record, values=values)
-        said += pipeline.handle(record)
-    return said + list(pipeline.finish())
+        given.append(record)
+    return stands.replay(pipeline, given)
 
 
 @pytest.mark.slow

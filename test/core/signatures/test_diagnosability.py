@@ -70,6 +70,7 @@ def test_groups_that_slow_channels_cannot_split(full: Diagnosability) -> None:
     assert full.ambiguity["winding_short"] == ("winding_short",)
 
 
+@pytest.mark.slow
 def test_what_only_vibration_can_show_is_named(full: Diagnosability) -> None:
     vibration = {"rotor_eccentricity", "accelerometer_1_fault", "accelerometer_2_fault"}
     assert vibration <= set(full.undetectable)

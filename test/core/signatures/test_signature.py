@@ -109,6 +109,7 @@ def test_table_while_motoring_is_the_published_one(stand: Actuator) -> None:
         assert " ".join(str(table[name][c]) for c in oracle.CHANNELS) == words, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quadrant", QUADRANTS, ids=str)
 def test_every_cell_is_the_exact_derivative(stand: Actuator, quadrant: Quadrant) -> None:
     table = signature_table(stand, FAULTS, oracle.CHANNELS, quadrant)

@@ -72,6 +72,7 @@ def healthy_units(seed: int, count: int) -> list[Levels]:
     return runs
 
 
+@pytest.mark.slow
 def test_as_many_healthy_units_call_as_was_stated_and_fewer_blocks_are_needed() -> None:
     learned_on, fresh = healthy_units(1, 300), healthy_units(2, 600)
     moving = learn_levels(learned_on, RATE, moving=True)[AXIS]

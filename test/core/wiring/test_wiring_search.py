@@ -92,6 +92,7 @@ def test_nothing_is_found_of_a_healthy_unit() -> None:
     assert found_in(readings(HEALTHY)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "fault"),
     [
@@ -123,6 +124,7 @@ def test_swapped_channels_are_found() -> None:
     assert [w.kind for w in finding.faults] == [SWAPPED]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "fault"),
     [
@@ -142,6 +144,7 @@ def test_what_a_fault_explains_as_well_is_not_sure(rows: np.ndarray, fault: Wiri
     assert not finding.is_sure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("channel", "factor"), [("motor_speed", 1.3), ("motor_speed", 0.7), ("load_position", 0.7)]
 )
@@ -191,6 +194,7 @@ def watched(rows: np.ndarray, blocks: list[int], opened_at: int = -1) -> tuple[i
     return first, watch
 
 
+@pytest.mark.slow
 def test_it_is_found_after_the_last_look_in_blocks_as_in_scans() -> None:
     turned = changed("load_force", -1.0)
     at, watch = watched(turned, [1])
@@ -220,6 +224,7 @@ def test_what_nothing_explains_need_not_wait() -> None:
     assert not watched(jammed[:350], [1], opened_at=150)[1].waits
 
 
+@pytest.mark.slow
 def test_an_episode_waits_while_a_wiring_explains_it() -> None:
     turned = changed("load_force", -1.0)
     assert watched(turned[:550], [1], opened_at=150)[1].waits
@@ -242,6 +247,7 @@ def test_at_rest_nothing_is_kept_and_an_episode_waits_for_ten_seconds() -> None:
     assert not watch.waits
 
 
+@pytest.mark.slow
 def test_a_channel_out_of_its_range_is_read_all_the_same() -> None:
     rows = changed("load_force", 1000.0)
     usable = rows.copy()

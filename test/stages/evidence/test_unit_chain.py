@@ -23,11 +23,12 @@ from functools import cache
 from typing import Any
 
 import pytest
+from support import stands
 from support.stand_runs import scenario
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
-from flea_diag.tools.evaluate.case_run import diagnose, in_blocks
+from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
     AmbiguityGroup,
@@ -103,19 +104,15 @@ def test_a_jammed_unit_that_is_as_warm_is_found() -> None:
 
 
 def test_scans_one_by_one_say_the_same_as_in_blocks() -> None:
-    run = recorded(5014)
+    """From a second before the switch until it is recognised."""
+    run = recorded(5014)[:2300]
     alone, together = (make_pipeline(load_stand("flea")) for _ in range(2))
-    single = [said for record in run for said in alone.handle(record)]
-    blocks = [
-        said
-        for record in in_blocks(iter(run))
-        for said in (
-            together.handle(record) if isinstance(record, ChannelTable) else
-            together.handle_block(record)
-        )
-    ]  # fmt: skip
+    single = [*stands.said_in_blocks(alone, run[:1400])]
+    single += [said for record in run[1400:] for said in alone.handle(record)]
+    blocks = stands.said_in_blocks(together, run)
     of_one, of_many = (
         [r for r in every if isinstance(r, Detection | AmbiguityGroup)]
         for every in (single, blocks)
     )
+    assert any(isinstance(r, Detection) for r in of_one)
     assert repr(of_one) == repr(of_many)

@@ -64,7 +64,7 @@ def jammed(coulomb: float = 110.0, viscous: float = 3000.0) -> tuple[Scan, ...]:
 @lru_cache(maxsize=1)
 def observed() -> tuple[Record, ...]:
     """What the observer says of the jam, in the order of a replay."""
-    return tuple(stands.feed(stands.observer(), [stands.table(), *jammed()]))
+    return tuple(stands.replay(stands.observer(), [stands.table(), *jammed()]))
 
 
 def diagnose(scans, extra: tuple[str, ...] = ()) -> list[Record]:
@@ -129,7 +129,7 @@ def less_lubricated(onset_s: float) -> tuple[Record, ...]:
     unit, worse = ema.changed(viscous=600.0), ema.changed(viscous=780.0)
     columns = ema.run(unit, seconds=24.5, faulty=worse, onset_s=onset_s)
     scans = stands.scans(ema.noisy(columns, 60))
-    return tuple(stands.feed(stands.observer(), [stands.table(), *scans]))
+    return tuple(stands.replay(stands.observer(), [stands.table(), *scans]))
 
 
 @pytest.mark.slow
@@ -287,6 +287,7 @@ def test_of_what_is_latched_symbols_may_come_before_their_detection():
     assert groups[0].members
 
 
+@pytest.mark.slow
 def test_episode_and_step_only_grow_and_the_group_only_shrinks():
     for scans in (jammed(), faulty_sensor("motor_current", lambda y: y + 0.6)):
         groups = [g for g in stands.of(AmbiguityGroup, diagnose(scans)) if g.episode]

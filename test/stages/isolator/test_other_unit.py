@@ -119,6 +119,7 @@ def decided(kind: RemarkKind, at_s: float, of_ns: int = 0) -> Remark:
     return Remark(stamp_ns, kind, "Ada", "rewound", "", told_ns)
 
 
+@pytest.mark.slow
 def test_an_operator_accepts_a_unit_and_takes_that_back() -> None:
     accepted = diagnosed(*BEYOND, decided(ACCEPTED, 10.0))
     said_ns = stands.START_NS + 10 * 10**9
@@ -133,6 +134,7 @@ def test_an_operator_accepts_a_unit_and_takes_that_back() -> None:
     assert "accepted" not in stands.verdict(back).words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "said",
     [

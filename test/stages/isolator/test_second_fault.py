@@ -45,6 +45,7 @@ def groups(second_s: float) -> tuple[AmbiguityGroup, ...]:
     return tuple(stands.of(AmbiguityGroup, wrong(second_s)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second_s", [FIRST_S, SECOND_S])
 def test_two_faults_are_told_as_two(second_s: float) -> None:
     last = groups(second_s)[-1]

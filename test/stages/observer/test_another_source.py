@@ -39,7 +39,7 @@ def closed(first: str, second: str, silent_s: float) -> list[Detection]:
     late: list[Scan] = [
         replace(s, stamp_ns=s.stamp_ns + by_ns) for s in healthy()[BEFORE : BEFORE + 5]
     ]
-    told = stands.feed(
+    told = stands.replay(
         stands.observer(), [table_of(first), *healthy()[:BEFORE], table_of(second), *late]
     )
     return [each for each in stands.of(Detection, told) if each.test == ANOTHER_UNIT]

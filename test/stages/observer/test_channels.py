@@ -83,7 +83,7 @@ def test_a_channel_that_goes_missing_is_said_once():
         for k, s in enumerate(healthy())
     ]
     assert healthy()[0].channels[0] == "motor_current"
-    out = stands.feed(stands.observer(), lacking)
+    out = stands.replay(stands.observer(), lacking)
     said = stands.of(DataQuality, out)
     # The second time because the offsets were learned.
     states = [quality(r, "motor_current").quality for r in said]
@@ -104,7 +104,7 @@ def test_a_dead_driver_is_neither_a_dead_sensor_nor_a_fault(frozen: bool):
     last = healthy()[999].values if frozen else (math.nan,) * len(healthy()[0].values)
     dead = [Scan(s.stamp_ns, s.channels, last) for s in healthy()[1000:1300]]
     stage = stands.observer()
-    out = stands.feed(stage, [stands.table(), *healthy()[:1000], *dead])
+    out = stands.replay(stage, [stands.table(), *healthy()[:1000], *dead])
     assert decisions(out) == []
     said = stands.of(DataQuality, out)[-1]
     assert quality(said, "sensors/slow").quality is Quality.BAD
@@ -112,7 +112,7 @@ def test_a_dead_driver_is_neither_a_dead_sensor_nor_a_fault(frozen: bool):
     assert not any("sensor dead" in row.reason for row in said.channels)
     assert counters(stage, dead[-1], "load_force")["stale"] == 300 * frozen
     # It comes back, and all is well.
-    again = stands.feed(stage, healthy()[1300:])
+    again = stands.replay(stage, healthy()[1300:])
     assert decisions(again) == []
     assert {row.quality for row in stands.of(DataQuality, again)[-1].channels} <= {
         Quality.GOOD,
@@ -125,6 +125,6 @@ def test_values_out_of_range_are_not_used():
         after(s, motor_temperature=2e4) if k % 50 == 0 else s for k, s in enumerate(healthy())
     ]
     stage = stands.observer()
-    out = stands.feed(stage, [stands.table(), *spoilt])
+    out = stands.replay(stage, [stands.table(), *spoilt])
     assert decisions(out) == []
     assert counters(stage, spoilt[-1], "motor_temperature")["out_of_range"] == 40

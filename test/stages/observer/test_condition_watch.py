@@ -83,7 +83,7 @@ def diagnosed(backend: str = "auto") -> Pipeline:
 
 @cache
 def told(end: str = "upper", backend: str = "auto") -> tuple[Record, ...]:
-    return tuple(stands.feed(diagnosed(backend), pressed(end)))
+    return tuple(stands.replay(diagnosed(backend), pressed(end)))
 
 
 def contacts(said: tuple[Record, ...]) -> list[ChannelQuality]:
@@ -146,8 +146,7 @@ def test_what_holds_the_reaction_or_a_clipped_reading_is_void_and_nothing_else()
         assert not residual.health[-1]
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("length", [7, 400])
+@pytest.mark.parametrize(("backend", "length"), zip(BACKENDS, (7, 400), strict=False))
 def test_blocks_give_the_records_of_single_scans(backend: str, length: int) -> None:
     stage, run = diagnosed(backend), pressed()
     scans = stands.of(Scan, run)

@@ -81,7 +81,7 @@ def read(change: Callable[[float], float]) -> tuple[Record, ...]:
 @cache
 def told(change: Callable[[float], float] | None = None) -> tuple[Record, ...]:
     given = run() if change is None else read(change)
-    return tuple(stands.feed(make_pipeline(load_stand("axis"), observer_backend="numpy"), given))
+    return tuple(stands.replay(make_pipeline(load_stand("axis"), observer_backend="numpy"), given))
 
 
 def rows(said: tuple[Record, ...]) -> list[ChannelQuality]:

@@ -29,7 +29,7 @@ S = 1_000_000_000
 
 @pytest.mark.slow
 def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
-    out = stands.feed(stands.observer(), [stands.table(), *healthy()])
+    out = stands.replay(stands.observer(), [stands.table(), *healthy()])
     assert decisions(out) == []
     residuals = stands.of(Residual, out)
     assert [r.stamp_ns for r in residuals] == [s.stamp_ns for s in healthy()]
@@ -43,7 +43,7 @@ def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
 
 @pytest.mark.slow
 def test_a_jam_is_detected_within_a_second_and_never_before():
-    out = stands.feed(stands.observer(), jammed())
+    out = stands.replay(stands.observer(), jammed())
     (detection,) = stands.of(Detection, out)
     delay_s = (detection.stamp_ns - jammed()[0].stamp_ns) / 1e9 - 10.0
     assert 0.0 < delay_s < 1.5
@@ -63,7 +63,7 @@ def test_a_jam_is_detected_within_a_second_and_never_before():
 
 @pytest.mark.slow
 def test_the_same_scans_give_the_same_records():
-    one, two = (stands.feed(stands.observer(), jammed()) for _ in range(2))
+    one, two = (stands.replay(stands.observer(), jammed()) for _ in range(2))
     assert repr(one) == repr(two)
 
 
@@ -94,12 +94,12 @@ def test_a_biased_sensor_is_detected_by_its_own_residuals(channel, error, residu
 def test_reset_closes_the_episode_and_arms_again():
     stage = stands.observer()
     assert stage.reset() == ()
-    stands.feed(stage, jammed()[:1500])
+    stands.replay(stage, jammed()[:1500])
     (closed,) = stage.reset()
     assert isinstance(closed, Detection)
     assert (closed.detected, closed.episode, closed.test) == (False, 1, "reset")
     assert stage.reset() == ()
-    found = stands.of(Detection, stands.feed(stage, jammed()[1500:]))
+    found = stands.of(Detection, stands.replay(stage, jammed()[1500:]))
     assert [(d.detected, d.episode) for d in found] == [(True, 2)]
 
 

@@ -47,6 +47,8 @@ pytestmark = pytest.mark.slow
 S = 1_000_000_000
 AWAY = 150
 """Scans that arrive while no observer runs."""
+ALONE = 100
+"""Scans that come one by one to an observer that is back; those after them come in blocks."""
 
 
 @lru_cache(maxsize=1)
@@ -84,9 +86,10 @@ class Stand:
         self.said += stands.said_in_blocks(self.pipeline, scans)
 
     def go_on(self, scans: list[Scan]) -> None:
-        """Scan by scan, as they come from a stand."""
-        for scan in scans:
+        """After somebody has come back: scan by scan until all are connected, as from a stand."""
+        for scan in scans[:ALONE]:
             self.said += self.pipeline.handle(scan)
+        self.run(scans[ALONE:])
 
     @property
     def verdict(self) -> AmbiguityGroup:
@@ -137,7 +140,7 @@ def test_an_open_episode_is_taken_over_and_no_verdict_is_wrong(fault: str, kille
 def test_without_the_verdict_the_fault_is_learned_away() -> None:
     """What all this is for: the same return, but nobody tells the observer."""
     late = FAULTS["motor_temperature_bias"]()[1700 + AWAY :]
-    assert not stands.of(Detection, stands.feed(stands.observer(), [stands.table(), *late]))
+    assert not stands.of(Detection, stands.replay(stands.observer(), [stands.table(), *late]))
 
 
 def test_a_diagnosis_that_comes_late_says_from_when_on_it_watched() -> None:
@@ -217,7 +220,7 @@ def test_another_run_inherits_nothing() -> None:
     again.handle(replace(stands.table(), stamp_ns=stands.START_NS + 100 * S))
     again.handle(kept)
     later = stands.scans(healthy(), start_ns=stands.START_NS + 100 * S)
-    said = stands.feed(again, later[:400])
+    said = stands.replay(again, later[:400])
     assert not stands.of(Detection, said)
     assert stands.of(DataQuality, said)[-1].offsets == ()
 
@@ -259,7 +262,7 @@ def test_an_isolator_that_comes_back_after_the_observer_knows_that_an_episode_is
     latched = [stands.of(DataQuality, stand.said)[-1], *stands.of(Detection, stand.said)]
     fresh = stands.isolator()
     later = [r for r in stand.said if isinstance(r, Residual)][-100:]
-    groups = stands.of(AmbiguityGroup, stands.feed(fresh, [*latched, *later]))
+    groups = stands.of(AmbiguityGroup, stands.replay(fresh, [*latched, *later]))
     assert groups[0].outcome is Outcome.DETECTED
     assert "before observer and isolator restarted" in groups[0].words
     assert all(group.episode for group in groups)

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support import stands
 from support.models import stepper
 
 from flea_diag.configuration.description import compiled_relations
@@ -29,6 +30,7 @@ from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.likelihood.effect_set import effect_set
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.wire.records import DataQuality, Detection, Quality, Record, Residual, Scan
@@ -65,7 +67,7 @@ def observed(described: Path, learned: Calibration, columns: stepper.Columns) ->
     period_ns = round(stepper.PERIOD_S * 1e9)
     values = stepper.rows(columns).tolist()
     scans = [Scan(k * period_ns, stepper.CHANNELS, tuple(row)) for k, row in enumerate(values)]
-    return [record for scan in scans for record in stage.handle(scan)]
+    return list(stands.said_in_blocks(Pipeline((stage,)), scans))
 
 
 def of(kind: type, records: list[Record]) -> list:

@@ -33,7 +33,7 @@ def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
     held = healthy()[1000].values[at]
     stuck = [after(s, load_force=held) if k > 1000 else s for k, s in enumerate(healthy())]
     stage = stands.observer()
-    stands.feed(stage, [stands.table(), *stuck])
+    stands.replay(stage, [stands.table(), *stuck])
     least = next(row.repeats for row in stands.calibration().sensors if row.channel == "load_force")
     assert counters(stage, stuck[-1], "load_force")["stuck"] == 999 - least + 1
     assert counters(stage, stuck[-1], "motor_current")["stuck"] == 0

@@ -52,7 +52,7 @@ def lowered(volts: float) -> list[Record]:
         sagged(r) if isinstance(r, Scan) and r.stamp_ns - first.stamp_ns >= SAGS_S * 1e9 else r
         for r in run()
     ]
-    return list(stands.feed(make_pipeline(load_stand("axis"), observer_backend="numpy"), given))
+    return list(stands.replay(make_pipeline(load_stand("axis"), observer_backend="numpy"), given))
 
 
 @pytest.mark.parametrize("volts", [0.0, 20.0])

@@ -63,6 +63,7 @@ def verdict(said: tuple[Record | Block, ...]) -> AmbiguityGroup:
     return [record for record in said if isinstance(record, AmbiguityGroup)][-1]
 
 
+@pytest.mark.slow
 def test_an_opening_of_a_fifth_of_a_second_comes_and_goes() -> None:
     group = verdict(told(0.2, 1.8))
     (recurrence,) = group.comes_and_goes
@@ -73,12 +74,14 @@ def test_an_opening_of_a_fifth_of_a_second_comes_and_goes() -> None:
     assert decode(AmbiguityGroup, encode(group, "flea")).comes_and_goes == (recurrence,)
 
 
+@pytest.mark.slow
 def test_one_that_stays_does_not() -> None:
     group = verdict(told(0.0, 0.0))
     assert "winding_open" in {member.fault for member in group.members}
     assert group.comes_and_goes == ()
 
 
+@pytest.mark.slow
 def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
     pipeline, said = make_pipeline(load_stand()), []
     for record in sent(0.2, 1.8):

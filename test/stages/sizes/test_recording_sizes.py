@@ -63,6 +63,7 @@ def recorded(
     return sized.sizes()
 
 
+@pytest.mark.slow
 def test_differences_within_a_unit_are_far_better_known_than_the_unit(
     sized: RecordingSizes,
 ) -> None:

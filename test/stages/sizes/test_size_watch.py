@@ -34,6 +34,9 @@ from flea_sim_driver.stand import SimulatedStand
 
 pytestmark = pytest.mark.slow
 ONSET_S, GROWS_S, SHARE, TURN_OHM = 10.0, 220.0, 0.4, 2.95
+SECOND_NS = 10**9
+END = 2**63
+"""After all stamps."""
 LIMIT = 0.36
 """Share of the constant at the end of life, as written into the catalogue here."""
 
@@ -63,19 +66,27 @@ def sent() -> tuple[Record, ...]:
     return tuple(record for record in records if not isinstance(record, Truth))
 
 
-def followed(stand: Stand, in_one: bool = False) -> list[SizeTrend]:
-    """What is said of the size, in blocks or scan by scan."""
+def followed(stand: Stand, alone: tuple[int, int] = (END, END)) -> list[SizeTrend]:
+    """What is said of the size in blocks; the last scans, of stamps in ``alone``, go singly."""
+    begin_ns, end_ns = alone
+    before = [record for record in sent() if record.stamp_ns < begin_ns]
+    singly = [record for record in sent() if begin_ns <= record.stamp_ns < end_ns]
     pipeline, said = make_pipeline(stand), []
-    for record in sent() if in_one else in_blocks(sent()):
+    for record in (*in_blocks(before), *singly):
         by_block = isinstance(record, ScanBlock)
         said += pipeline.handle_block(record) if by_block else pipeline.handle(record)
     return [record for record in said if isinstance(record, SizeTrend)]
 
 
-def test_its_growth_and_its_end_are_told_while_it_grows(stand: Stand) -> None:
+@pytest.fixture(scope="module")
+def told(stand: Stand) -> list[SizeTrend]:
+    """All of it in blocks."""
+    return followed(stand)
+
+
+def test_its_growth_and_its_end_are_told_while_it_grows(told: list[SizeTrend]) -> None:
     start_ns = next(record.stamp_ns for record in sent() if isinstance(record, Scan))
     end_ns = start_ns + round((ONSET_S + GROWS_S * LIMIT / SHARE) * 1e9)
-    told = followed(stand)
     assert {(t.fault, t.quantity, t.limit) for t in told} == {
         ("winding_short", "constant lost", LIMIT)
     }
@@ -90,8 +101,13 @@ def test_its_growth_and_its_end_are_told_while_it_grows(stand: Stand) -> None:
     assert all(end_ns <= t.high_ns for t in ahead if t.high_ns != NEVER_NS)
 
 
-def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(stand: Stand) -> None:
-    alone, blocks = followed(stand, in_one=True), followed(stand)
+def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(
+    stand: Stand, told: list[SizeTrend]
+) -> None:
+    """All scans between two sizes."""
+    blocks = told[:2]
+    end_ns = blocks[1].stamp_ns + SECOND_NS
+    alone = followed(stand, (blocks[0].stamp_ns - SECOND_NS, end_ns))
     assert [t.stamp_ns for t in alone] == [t.stamp_ns for t in blocks]
     for one, other in zip(alone[-1].sizes, blocks[-1].sizes, strict=True):
         assert one.at_ns == other.at_ns
@@ -100,9 +116,9 @@ def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(stand: Stand) -> 
 
 
 def test_many_sizes_become_fewer_that_hold_as_much(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
+    stand: Stand, told: list[SizeTrend], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    every = followed(stand)[-1]
+    every = told[-1]
     monkeypatch.setattr(size_watch, "MOST_KEPT", 3)
     fewer = followed(stand)[-1]
     assert len(fewer.sizes) <= 3 < len(every.sizes)

@@ -23,6 +23,7 @@ from functools import cache
 from typing import Any
 
 import pytest
+from support import stands
 from support.decisions import BAGS
 
 from flea_diag.configuration.component import make_pipeline
@@ -84,11 +85,10 @@ def test_a_starved_stream_is_said_and_no_fault() -> None:
     """Three of four scans are lost for some seconds: nobody can tell, and then one can again."""
     draw = some(5, 0.75)
     run = [record for record in records("nominal") if not isinstance(record, Scan)]
-    pipeline, said = make_pipeline(load_stand()), []
     scans = [record for record in records("nominal") if isinstance(record, Scan)]
     kept = [scan for k, scan in enumerate(scans) if not (800 <= k < 1400 and draw(k))]
-    for record in (*run, *kept):
-        said += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    everything = stands.said_in_blocks(make_pipeline(load_stand()), (*run, *kept))
+    said = stands.of(AmbiguityGroup, everything)
     told = [(group.outcome, group.stamp_ns - scans[0].stamp_ns) for group in said]
     turns = [told[0], *(b for a, b in itertools.pairwise(told) if a[0] is not b[0])]
     assert [outcome for outcome, _ in turns] == [

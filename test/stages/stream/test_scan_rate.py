@@ -110,6 +110,7 @@ def set_back(scans: list[Scan], by_ms: float, at: int) -> list[Scan]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_ms", [-16.0, 6.0, 20.0, 100.0, 1000.0])
 def test_a_clock_that_is_set_is_said_and_is_no_fault(by_ms: float) -> None:
     out = stands.replay(stands.observer(), set_back(healthy(), by_ms, 900))
@@ -131,6 +132,7 @@ def last(records: list[Record]) -> AmbiguityGroup:
     return stands.of(AmbiguityGroup, records)[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hz", [80.0, 99.0, 120.0])
 def test_a_stream_at_another_rate_is_refused_by_name(hz: float) -> None:
     scans = [

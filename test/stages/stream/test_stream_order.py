@@ -19,12 +19,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import pytest
 from support import stands
 from support.observer_scans import counters, decisions, healthy, jammed
 
 from flea_diag.wire.records import DataQuality, Detection, Residual
 
 
+@pytest.mark.slow
 def test_duplicates_and_late_scans_change_nothing_but_the_counters():
     disturbed = []
     for k, scan in enumerate(jammed()):
@@ -49,10 +51,11 @@ def test_duplicates_and_late_scans_change_nothing_but_the_counters():
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_jump_back_in_time_starts_afresh():
     stage = stands.observer()
     stands.replay(stage, jammed())
-    again = stands.feed(stage, healthy())
+    again = stands.replay(stage, healthy())
     assert stands.of(Detection, again) == []
     # The first nine are not yet believed.
     fresh = stands.replay(stands.observer(), healthy()[9:])
@@ -62,13 +65,14 @@ def test_a_jump_back_in_time_starts_afresh():
 def test_a_gap_empties_the_window_and_is_counted():
     stage = stands.observer()
     whole = healthy()
-    out = stands.feed(stage, whole[:1000] + whole[1050:])
+    out = stands.replay(stage, whole[:1000] + whole[1050:])
     assert counters(stage, whole[-1], "sensors/slow")["lost"] == 50
     after_gap = stands.of(Residual, out)[1000]
     assert math.isnan(after_gap.values[after_gap.names.index("parity_mechanical")])
     assert decisions(out) == []
 
 
+@pytest.mark.slow
 def test_a_few_lost_scans_raise_nothing():
-    out = stands.feed(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
+    out = stands.replay(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
     assert decisions(out) == []

@@ -32,7 +32,7 @@ from support.graph.process import GraphProcess
 from support.graph.ros_node import RosNode
 from support.graph.scheduler import S, Scheduler
 
-SCANS, PERIOD_NS = 150, 20_000_000
+SCANS, PERIOD_NS = 75, 20_000_000
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Recorded:
 
 
 def recorded(number: int, folder: Path) -> Recorded:
-    """Record three seconds; the operation of this number fails, 0 is none."""
+    """Record a second and a half, three writes; the operation of this number fails, 0 is none."""
     scheduler = Scheduler(number)
     network, begun_ns = Network(scheduler), scheduler.now_ns
     failed_ns: list[int] = []

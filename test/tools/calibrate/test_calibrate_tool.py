@@ -97,6 +97,14 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two short ones, for what does not depend on how much they teach."""
+    folder, runs = tmp_path_factory.mktemp("two"), ema.nominal_runs()[:2]
+    cut = [{name: values[:1200] for name, values in columns.items()} for columns in runs]
+    return [bag(folder / f"short_{n}", columns) for n, columns in enumerate(cut)]
+
+
+@pytest.fixture(scope="module")
 def made(bags: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("made") / "calibration.yaml"
     arguments = ["--plots", str(target.parent / "pictures"), "--plot-format", "svg"]
@@ -233,24 +241,24 @@ def test_bags_that_cannot_serve_are_refused_with_reason_and_remedy(case, tmp_pat
     assert not target.exists()
 
 
-def test_a_bag_that_cannot_serve_is_left_out_and_words_and_status_say_so(bags, tmp_path, capsys):
+def test_a_bag_that_cannot_serve_is_left_out_and_words_and_status_say_so(two, tmp_path, capsys):
     jammed = bag(tmp_path / "jammed", moved(), fault="jam")
     target = tmp_path / "calibration.yaml"
-    arguments = ["calibrate", str(jammed), *map(str, bags[:2]), "-o", str(target)]
+    arguments = ["calibrate", str(jammed), *map(str, two), "-o", str(target)]
     assert main(arguments) == 1
     words, told = capsys.readouterr()
     assert "1 of 3 bags not used" in told
     assert words.startswith("2 nominal recordings, ")
     for said in ("winding_resistance_ohm", "L/R is far below", "strongly correlated", "limits for"):
         assert said in words
-    assert load_calibration(target).sources == tuple(path.name for path in bags[:2])
+    assert load_calibration(target).sources == tuple(path.name for path in two)
     assert main(arguments) == 2
     assert "exists: use --force" in capsys.readouterr().err
 
 
-def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, capsys):
+def test_bags_of_another_actuator_than_described_are_refused(two, tmp_path, capsys):
     target = tmp_path / "calibration.yaml"
-    arguments = [*map(str, bags[:2]), "-o", str(target), "--actuator", str(WING)]
+    arguments = [*map(str, two), "-o", str(target), "--actuator", str(WING)]
     assert main(["calibrate", *arguments]) == 2
     told = capsys.readouterr().err
     assert "is not a sensor of actuator" in told
@@ -281,19 +289,19 @@ def test_a_calibration_says_which_description_it_was_made_with(made):
     assert load_calibration(made).actuator_sha256 == hashlib.sha256(line.encode()).hexdigest()
 
 
-def test_a_stand_of_your_own_is_calibrated_into_its_folder(bags, tmp_path, monkeypatch, capsys):
+def test_a_stand_of_your_own_is_calibrated_into_its_folder(two, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(FLEA_STAND, tmp_path / "mine")
     described = tmp_path / "mine" / "actuator.yaml"
     text = described.read_text(encoding="utf-8")
     described.write_text(text.replace("description: DC motor", "description: my motor"))
     target = "mine/calibration_simulated_stand.yaml"
-    given = [*map(str, bags[:2]), "--stand", "./mine", "-o", target, "--force"]
+    given = [*map(str, two), "--stand", "./mine", "-o", target, "--force"]
     equations = ["model", "equations", "--stand", "./mine", "--calibration", target]
     assert main(equations) == 2
     capsys.readouterr()
     assert main(["calibrate", *given, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["sources"] == [path.name for path in bags[:2]]
+    assert json.loads(capsys.readouterr().out)["sources"] == [path.name for path in two]
     assert main(equations) == 0
     capsys.readouterr()
     assert main(["model", "equations", "--calibration", target]) == 2
