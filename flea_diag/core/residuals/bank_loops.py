@@ -134,22 +134,23 @@ def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Arra
 
 
 def predict_loops(
-    stores: tuple[Array, Places, Array], winding: tuple[int, float], row: Array, flows: Any,
+    stores: tuple[Array, Places, Array, Array], winding: tuple[int, float], row: Array, flows: Any,
     dt_s: float, frozen: bool, values: Array,
 ) -> float:  # fmt: skip
     """``PredictedStores.follow`` of one scan; the winding's temperature before it."""
-    (states, places, rates), (store, warm) = stores, winding
+    (states, places, rates, bounds), (store, warm) = stores, winding
     if store >= 0 and not math.isnan(states[store, ESTIMATE]):
         warm = states[store, ESTIMATE]
     for k in range(len(states)):
         at = places[k]
-        values[at[RESIDUAL]] = advance(states[k], row, flows[k], at, rates[k], dt_s, frozen)
+        state, bound = states[k], bounds[k]
+        values[at[RESIDUAL]] = advance(state, row, flows[k], at, rates[k], bound, dt_s, frozen)
     return warm
 
 
 def bank_loops(
     rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
-    stores: tuple[Array, Places, Array], winding: tuple[int, float],
+    stores: tuple[Array, Places, Array, Array], winding: tuple[int, float],
     limits: tuple[float, int, float],
     still: int, frozen: bool, told: tuple[Array, Array, Array, Array, Flags],
 ) -> int:  # fmt: skip

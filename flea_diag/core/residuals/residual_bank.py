@@ -22,7 +22,7 @@ bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,8 @@ START_S = 1.0
 class ResidualBank:
     """Computes residuals from a stream of scans, constant memory.
 
-    ``relations`` are those of the actuator whose ``parameters`` these are.
+    ``relations`` are those of the actuator whose ``parameters`` these are; ``most_supplied`` is
+    what its recordings supplied each predicted store with (``PredictedStores.of``).
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class ResidualBank:
         period_s: float,
         counts: ScanCounts,
         backend: str = "auto",
+        most_supplied: Mapping[str, float] | None = None,
     ) -> None:
         self._relations, self._layout = relations, layout(relations)
         self._winding = winding_of(relations)
@@ -79,7 +81,8 @@ class ResidualBank:
         # numba knows no empty tuple of results.
         self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
         rows = relations.residuals
-        self._stores = PredictedStores.of(relations, rows.index, rows.place, counts.of(START_S))
+        start = counts.of(START_S)
+        self._stores = PredictedStores.of(relations, rows.index, rows.place, start, most_supplied)
         self._width, self._spreading = len(rows.rows), len(rows.spreading)
         self.adopt(parameters)
         self._period_s = period_s

@@ -20,6 +20,11 @@ One rule for all. An estimate starts at the mean of the first readings, and is s
 towards the sensor (``CORRECTION_S``), since the true history of a store before the recording is
 unknown; the correction is frozen once a fault has been detected, so that a sensor fault does not
 smear into the estimate. What is not known supplies nothing, and is no neighbour.
+
+A supply that is not known may have gone on as it was, or have been the most that was calibrated. By
+as much the estimate may be off, and that fades as the store exchanges and is corrected. As long as
+it is more than the noise of one reading, the store has no residual: a runaway with its speed beyond
+what the encoder holds heats a nut without a fault of its thermometer.
 """
 
 from __future__ import annotations
@@ -46,19 +51,24 @@ CORRECTION_S = 15.0
 STRANGE = 0.1
 """Share of the largest supply seen that may come from beyond the ranges of the recordings."""
 
-ESTIMATE, SUM, STARTED, SAMPLES = range(4)
-"""Places in the state of a store."""
+ESTIMATE, SUM, STARTED, SAMPLES, LAST, UNSURE = range(6)
+"""Places in the state of a store; the last known |supply|, and by what the estimate may be off."""
 CHANNEL, RESIDUAL, NEIGHBOURS = 0, 1, 2
 """Places of a store's reading and of its residual in their rows; from the third on, neighbours."""
+MOST, NOISE = range(2)
+"""Places in the bounds of a store: the largest ``SupplyMean`` of the recordings, unit per second,
+and the noise of a reading."""
 
 
 def advance(
-    store: Any, row: Any, supply: float, places: Any, rates: Any, dt_s: float, frozen: bool
-) -> float:
-    """Take the state of a store on by one scan; measured less estimate, NaN until it is started.
+    store: Any, row: Any, supply: float, places: Any, rates: Any, bounds: Any, dt_s: float,
+    frozen: bool,
+) -> float:  # fmt: skip
+    """Take the state of a store on by one scan; measured less estimate.
 
-    ``row`` are the readings, ``rates`` those of the exchange. Any sequences of numbers will do;
-    numba compiles these lines, too.
+    NaN until it is started, and while what supplies it is not known. ``row`` are the readings,
+    ``rates`` those of the exchange, ``bounds`` what an unknown supply is held against. Any
+    sequences of numbers will do; numba compiles these lines, too.
     """
     measured: float = row[places[CHANNEL]]
     if store[STARTED] < store[SAMPLES]:
@@ -67,28 +77,40 @@ def advance(
             store[STARTED] += 1.0
             store[ESTIMATE] = store[SUM] / store[STARTED]
         return math.nan
-    rate = 0.0 if math.isnan(supply) else supply
+    known = not math.isnan(supply)
+    rate = supply if known else 0.0
     for k in range(len(rates)):
         around = row[places[NEIGHBOURS + k]]
         if not math.isnan(around):
             rate -= rates[k] * (store[ESTIMATE] - around)
     residual: float = measured - store[ESTIMATE]
     store[ESTIMATE] += dt_s * rate
-    if not frozen and not math.isnan(residual):
+    corrected = not frozen and not math.isnan(residual)
+    if corrected:
         store[ESTIMATE] += residual * dt_s / CORRECTION_S
-    return residual
+    if known:
+        store[LAST] = abs(supply)
+        if store[UNSURE] == 0.0:
+            return residual
+    fades = 1.0 / CORRECTION_S if corrected else 0.0
+    for k in range(len(rates)):
+        fades += rates[k]
+    unknown = 0.0 if known else max(store[LAST], bounds[MOST])
+    store[UNSURE] += dt_s * (unknown - fades * store[UNSURE])
+    return math.nan if store[UNSURE] > bounds[NOISE] else residual
 
 
 class PredictedStores(NamedTuple):
     """The predicted stores of one relation set, a row each, as ``bank_loops`` takes them.
 
-    ``states``, shape (stores, 4); ``places``, shape (stores, 2 + neighbours), and ``rates``, shape
-    (stores, neighbours), of the exchange.
+    ``states``, shape (stores, 6); ``places``, shape (stores, 2 + neighbours); ``rates``, shape
+    (stores, neighbours), of the exchange; ``bounds``, shape (stores, 2).
     """
 
     states: Array
     places: Places
     rates: Array
+    bounds: Array
 
     @classmethod
     def of(
@@ -97,8 +119,13 @@ class PredictedStores(NamedTuple):
         channels: Mapping[str, int],
         residuals: Mapping[str, int],
         start_samples: int,
+        most: Mapping[str, float] | None = None,
     ) -> PredictedStores:
-        """Before the first scan; ``channels`` and ``residuals`` are the places in their rows."""
+        """Before the first scan; ``channels`` and ``residuals`` are the places in their rows.
+
+        ``most``: largest ``SupplyMean`` of each store in the recordings; None: not known yet, and
+        every store is judged, whatever supplies it.
+        """
         around = [channels[name] for name in known.neighbours]
         places = np.empty((len(known.predictions), NEIGHBOURS + len(around)), dtype=np.int64)
         for row, store in zip(places, known.predictions, strict=True):
@@ -108,9 +135,13 @@ class PredictedStores(NamedTuple):
                     f" name is tested, known are {', '.join(residuals)}"
                 )
             row[:] = channels[store.channel], residuals[store.name], *around
-        states = np.zeros((len(places), 4))
+        states = np.zeros((len(places), 6))
         states[:, ESTIMATE], states[:, SAMPLES] = math.nan, start_samples
-        return cls(states, places, np.zeros((len(places), len(around))))
+        bounds = np.tile([0.0, math.inf], (len(places), 1))
+        if most is not None:
+            bounds[:, MOST] = [most.get(store.name, 0.0) for store in known.predictions]
+            bounds[:, NOISE] = [known.residuals.noise[s.channel] for s in known.predictions]
+        return cls(states, places, np.zeros((len(places), len(around))), bounds)
 
     def adopt(self, known: RelationSet, parameters: Any) -> None:
         """Use the rates of exchange of these parameters."""
@@ -128,14 +159,14 @@ class PredictedStores(NamedTuple):
         """
         before = np.empty((len(self.states), len(rows)))
         readings = rows.tolist()
-        for k, (state, places, rates) in enumerate(zip(*self, strict=True)):
-            store, at, rate = state.tolist(), places.tolist(), rates.tolist()
+        for k, parts in enumerate(zip(*self, strict=True)):
+            store, at, rate, bound = (part.tolist() for part in parts)
             flows = np.broadcast_to(supplies[k], len(rows)).tolist()
             residuals, estimates = [], []
             for row, supply in zip(readings, flows, strict=True):
                 estimates.append(store[ESTIMATE])
-                residuals.append(advance(store, row, supply, at, rate, dt_s, frozen))
-            state[:] = store
+                residuals.append(advance(store, row, supply, at, rate, bound, dt_s, frozen))
+            parts[0][:] = store
             before[k], values[:, at[RESIDUAL]] = estimates, residuals
         return before
 

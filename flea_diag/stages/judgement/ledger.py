@@ -53,6 +53,7 @@ class _Scans(NamedTuple):
     z: Array
     moving: Flags
     speed: Array
+    predicted: Flags
     void: bool
     outside: bool
 
@@ -60,12 +61,14 @@ class _Scans(NamedTuple):
 class _Second(NamedTuple):
     """Counts of one second, or of several added up: of each test, of each channel, of all scans.
 
+    ``unheated``: without a residual by prediction, though it is read, once it has had one.
     ``overall``: scans, scans at rest, void, outside the calibration, and lost.
     """
 
     judged: Counts
     due: Counts
     missing: Counts
+    unheated: Counts
     overall: Counts
 
     def plus(self, other: _Second) -> _Second:
@@ -96,6 +99,10 @@ class JudgementLedger:
         alone = [k for k, row in enumerate(self._rows) if row.gate == "sensor"]
         self._alone = np.array(alone, dtype=int)
         self._own = np.array([known.channel(self._rows[k].needs[0]) for k in alone], dtype=int)
+        stores = [k for k, row in enumerate(self._rows) if row.name in known.predictions]
+        self._stores, self._predicted = np.array(stores, dtype=int), self._columns[stores]
+        self._stored = np.array([known.channel(self._rows[k].needs[0]) for k in stores], dtype=int)
+        self._begun: Flags = np.zeros(len(stores), dtype=bool)
         motion = [n for n in (known.encoder, *known.positions) if n in channels][:1]
         self._needs = [_needed(row, known, motion) for row in self._rows]
         self._channels = known.channels
@@ -138,7 +145,8 @@ class JudgementLedger:
     ) -> int:
         """Take n scans; the first that changes which tests count as not judged, or n."""
         self.turned = False
-        scans = _Scans(stamps_ns, rows, z, residuals.moving, residuals.motion[:, 0], void, outside)
+        speed, formed = residuals.motion[:, 0], ~np.isnan(residuals.values[:, self._predicted])
+        scans = _Scans(stamps_ns, rows, z, residuals.moving, speed, formed, void, outside)
         if int(stamps_ns[-1]) < self._until_ns:
             self._waiting.append(scans)
             return len(stamps_ns)
@@ -154,9 +162,9 @@ class JudgementLedger:
         return len(stamps_ns)
 
     def _wait(self, scans: _Scans, part: slice) -> None:
-        stamps_ns, rows, z, moving, speed, void, outside = scans
+        stamps_ns, rows, z, moving, speed, predicted, void, outside = scans
         if len(stamps_ns[part]):
-            cut = stamps_ns[part], rows[part], z[part], moving[part], speed[part]
+            cut = stamps_ns[part], rows[part], z[part], moving[part], speed[part], predicted[part]
             self._waiting.append(_Scans(*cut, void, outside))
 
     def _close(self, stamp_ns: int) -> bool:
@@ -183,14 +191,19 @@ class JudgementLedger:
         """Counts of the scans that wait."""
         if not self._waiting:
             return self._nothing(lost=self._lost)
-        _, rows, z, moving, speed = (
-            np.concatenate(parts) for parts in list(zip(*self._waiting, strict=True))[:5]
+        _, rows, z, moving, speed, predicted = (
+            np.concatenate(parts) for parts in list(zip(*self._waiting, strict=True))[:6]
         )
         unread = np.isnan(rows)
         formed = np.isfinite(z[:, self._columns])
         formed[:, self._alone] &= ~unread[:, self._own]
         rest = ~(moving | np.isnan(speed))
         due = ~(rest[:, None] & self._gated)
+        begun = np.maximum.accumulate(predicted, axis=0) | self._begun
+        self._begun = begun[-1]
+        unheated = np.zeros(len(self._rows), dtype=np.int64)
+        unknown = begun & ~predicted & ~unread[:, self._stored]
+        unheated[self._stores] = np.count_nonzero(unknown, axis=0)
         lengths = np.array([len(s.stamps_ns) for s in self._waiting])
         flags = np.array([[s.void, s.outside] for s in self._waiting])
         void, outside = (lengths[:, None] * flags).sum(axis=0)
@@ -198,13 +211,14 @@ class JudgementLedger:
             np.count_nonzero(formed & due, axis=0),
             np.count_nonzero(due, axis=0),
             np.count_nonzero(unread, axis=0),
+            unheated,
             np.array([len(rows), np.count_nonzero(rest), void, outside, self._lost]),
         )
 
     def _nothing(self, lost: int = 0) -> _Second:
         empty = np.zeros(len(self._rows), dtype=np.int64)
         overall = np.array([0, 0, 0, 0, lost])
-        return _Second(empty, empty, np.zeros(len(self._channels), dtype=np.int64), overall)
+        return _Second(empty, empty, np.zeros(len(self._channels), dtype=np.int64), empty, overall)
 
     def _sum(self) -> _Second:
         return _Second(*(sum(parts[1:], parts[0]) for parts in zip(*self._recent, strict=True)))
@@ -249,6 +263,9 @@ class JudgementLedger:
                 return Cause.VOID, self.void_why or AT_END
             if outside:
                 return Cause.OUTSIDE, "outside the calibration"
+        if unheated := int(recent.unheated[test]):
+            share = _share(unheated, scans)
+            return Cause.UNFORMED, f"what heats it is unknown in {share} of the scans"
         return Cause.UNFORMED, "not formed: settling, or too few scans in a row"
 
 

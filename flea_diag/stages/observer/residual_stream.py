@@ -105,6 +105,7 @@ class ResidualStream:
             period_s=c.period_s,
             counts=c.counts,
             backend=backend,
+            most_supplied=c.envelope.supplies if c.envelope else {},
         )
         # The command corroborates the measured voltage, where the stand has it.
         signals, command = relations.signals, known.command

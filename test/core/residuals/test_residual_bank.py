@@ -267,13 +267,21 @@ def test_compiled_gives_the_bits_of_python(block, encoder):
     rows = np.concatenate((ema.rows(WHOLE, FLEA.channels), rows))
     draw = np.random.default_rng(6)
     rows[draw.random(rows.shape) < 0.002] = np.nan
+    rows[300:900, FLEA.index["motor_current"]] = np.nan  # leaves a temperature unjudged
     parameters = replace(TRUE, encoder_m_per_rad=encoder, nut_heating_k_per_j=1e-4)
     known = KNOWN if encoder else ALONE
     banks = [
-        ResidualBank(parameters, known, backend=backend, period_s=0.01, counts=FLEA_COUNTS)
+        ResidualBank(
+            parameters,
+            known,
+            backend=backend,
+            period_s=0.01,
+            counts=FLEA_COUNTS,
+            most_supplied={"motor_temperature": 0.1},
+        )
         for backend in ("numpy", "numba")
     ]
-    moved = 0
+    moved = unheated = 0
     for start in range(0, len(rows), block):
         if start >= 700 > start - block:
             for bank in banks:
@@ -286,4 +294,7 @@ def test_compiled_gives_the_bits_of_python(block, encoder):
         assert one.signals.tobytes() == other.signals.tobytes()
         assert one.motion.tobytes() == other.motion.tobytes()
         moved += int(one.moving.sum())
+        read = ~np.isnan(part[:, FLEA.index["motor_temperature"]])
+        unheated += int(np.isnan(one.values[read, FLEA.place["motor_temperature"]]).sum())
     assert 0 < moved < len(rows)
+    assert 200 < unheated < len(rows)

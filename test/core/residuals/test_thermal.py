@@ -21,13 +21,22 @@ import pytest
 from support import stands
 
 from flea_diag.core.residuals.leverage import CalibrationEnvelope
-from flea_diag.core.residuals.thermal import CORRECTION_S, ESTIMATE, Heating, PredictedStores
+from flea_diag.core.residuals.thermal import (
+    CORRECTION_S,
+    ESTIMATE,
+    Heating,
+    PredictedStores,
+)
+
+MOST, NOISE = 0.05, 0.1
+"""Most that was supplied, unit per second, and the noise of a reading."""
 
 
 def node(cooling_s: float = 800.0, start_samples: int = 2) -> PredictedStores:
     """One store whose rows hold its reading and that of the air; its residual comes first."""
-    state = np.array([[math.nan, 0.0, 0.0, start_samples]])
-    return PredictedStores(state, np.array([[0, 0, 1]]), np.array([[1.0 / cooling_s]]))
+    state = np.array([[math.nan, 0.0, 0.0, start_samples, 0.0, 0.0]])
+    rates, bounds = np.array([[1.0 / cooling_s]]), np.array([[MOST, NOISE]])
+    return PredictedStores(state, np.array([[0, 0, 1]]), rates, bounds)
 
 
 def step(
@@ -100,11 +109,46 @@ def test_it_waits_for_its_first_readings():
 
 def test_every_store_follows_its_own_neighbours_in_one_row():
     """Two bodies that exchange heat with each other alone meet in the middle."""
-    states = np.array([[60.0, 60.0, 1.0, 1.0], [20.0, 20.0, 1.0, 1.0]])
-    made = PredictedStores(states, np.array([[0, 0, 1], [1, 1, 0]]), np.full((2, 1), 0.5))
+    states = np.array([[60.0, 60.0, 1.0, 1.0, 0.0, 0.0], [20.0, 20.0, 1.0, 1.0, 0.0, 0.0]])
+    places, bounds = np.array([[0, 0, 1], [1, 1, 0]]), np.full((2, 2), MOST)
+    made = PredictedStores(states, places, np.full((2, 1), 0.5), bounds)
     for _ in range(2000):
         made.follow(made.states[:, ESTIMATE][None], [0.0, 0.0], 0.01, True, np.empty((1, 2)))
     assert made.states[:, ESTIMATE] == pytest.approx([40.0, 40.0], abs=1e-6)
+
+
+def judged(made: PredictedStores, scans: int, heating: float, frozen: bool) -> list[bool]:
+    """After which scans of 0.01 s a reading of 25 has a residual."""
+    values = np.empty((scans, 1))
+    made.follow(np.full((scans, 2), 25.0), [heating], 0.01, frozen, values)
+    return np.isfinite(values[:, 0]).tolist()
+
+
+def test_a_moment_of_unknown_heat_leaves_a_store_judged():
+    made = started(25.0)
+    assert all(judged(made, 190, math.nan, frozen=True))
+    assert all(judged(made, 1000, 0.0, frozen=True))
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+@pytest.mark.parametrize(("before", "level"), [(0.01, MOST), (0.15, 0.15), (-0.15, 0.15)])
+def test_unknown_heat_leaves_a_store_unjudged_until_it_has_faded(frozen, before, level):
+    """It may have gone on as it was, or have been the most that was seen."""
+    made = started(25.0)
+    judged(made, 1, before, frozen)
+    during = judged(made, 1000, math.nan, frozen)
+    rate = 1.0 / 800.0 + (0.0 if frozen else 1.0 / CORRECTION_S)
+    assert sum(during) == pytest.approx(-math.log1p(-rate * NOISE / level) / rate / 0.01, abs=2)
+    after = judged(made, 260_000, 0.0, frozen)
+    gathered = level / rate * -math.expm1(-10.0 * rate)
+    assert after == sorted(after)
+    assert after.count(False) == pytest.approx(math.log(gathered / NOISE) / rate / 0.01, rel=2e-3)
+
+
+def test_what_is_unjudged_is_corrected_all_the_same():
+    made, rows = started(25.0), np.tile([28.0, 25.0], (6000, 1))
+    made.follow(rows, [math.nan], 0.01, False, np.empty((6000, 1)))
+    assert estimate_degc(made) == pytest.approx(28.0, abs=0.15)
 
 
 @pytest.mark.parametrize("block", [1, 700, 3000])

@@ -52,13 +52,20 @@ class Stream:
         self.scans = 0
         self.turns: list[int] = []
 
-    def take(self, scans: int, formed: bool = True, moving: bool = True, lacking: str = "") -> None:
+    def take(
+        self,
+        scans: int,
+        formed: bool = True,
+        moving: bool = True,
+        lacking: str = "",
+        unheated: bool = False,
+    ) -> None:
         rows = np.zeros((1, len(self.known.channels)))
         if lacking:
             rows[:, self.known.index[lacking]] = math.nan
         z = np.full((1, len(self.known.rows)), 0.0 if formed else math.nan)
         z[:, self.known.column("load_force_stuck")] = 0.0
-        z[:, self.known.column("nut_temperature")] = 0.0
+        z[:, self.known.column("nut_temperature")] = math.nan if unheated else 0.0
         residuals = ResidualRows(z, z[:, :0, None], z[:, :0], np.zeros((1, 2)), np.array([moving]))
         for _ in range(scans):
             stamps_ns = np.array([self.scans * SECOND_NS // 10])
@@ -95,6 +102,20 @@ def test_too_little_to_judge_is_said_once_it_should_have_been_judged_for_three_s
     stream.take(100)  # it counts as judged again from three tenths of the last 10 s on
     assert stream.turns == [50, 70]
     assert stream.of("parity_mechanical").judged
+
+
+def test_a_temperature_whose_heat_is_unknown_counts_as_not_judged() -> None:
+    stream = Stream()
+    stream.take(5, unheated=True)
+    stream.take(10)
+    stream.take(20, unheated=True, lacking="nut_temperature")
+    assert stream.of("nut_temperature").why == "nut_temperature lacks 50 % of its readings"
+    stream.take(116, unheated=True)
+    row = stream.of("nut_temperature")
+    assert (row.recent, row.judged, row.cause) == (0.0, False, Cause.UNFORMED)
+    assert row.why == "what heats it is unknown in all of the scans"
+    stream.take(40)
+    assert stream.of("nut_temperature").judged
 
 
 def test_a_pause_is_no_judgement_and_lost_scans_are_a_gap() -> None:
