@@ -52,25 +52,29 @@ class ShiftQuestion:
         self._stream = stream
         self._found: Found | None = None
         self._asked = 0
+        self._settled = False
+        """Whether the answer is final."""
         self.answer = self._told(windows)
 
     def add(self, window: LawWindow) -> bool:
         """Take one more window; whether the answer is another one now."""
         before = self.answer
-        self._asked += 1
-        if before is ShiftAnswer.OTHER_UNIT:
+        if self._settled or before is ShiftAnswer.OTHER_UNIT:
             return False
+        self._asked += 1
         answer = self._told((window,)) if self._found is None else self._kept(self._found, window)
         if answer is not ShiftAnswer.UNTOLD:
             self.answer = answer
         return self.answer is not before
 
     def _kept(self, found: Found, window: LawWindow) -> ShiftAnswer:
-        """Whether a fault still is one; looked at now and then."""
+        """Whether a fault still is one; looked at now and then, until another unit cannot be."""
         self._take(found, window)
-        change = found.change
-        if self._asked % LOOKS == 0 and self._stream.was_unit(change, change.evidence.weighed()):
-            return ShiftAnswer.OTHER_UNIT
+        if self._asked % LOOKS == 0:
+            weighed = found.change.evidence.weighed()
+            if self._stream.was_unit(found.change, weighed):
+                return ShiftAnswer.OTHER_UNIT
+            self._settled = self._stream.is_no_unit(found.change, weighed)
         return ShiftAnswer.FAULT
 
     def _take(self, found: Found, window: LawWindow) -> None:

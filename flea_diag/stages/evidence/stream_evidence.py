@@ -171,6 +171,14 @@ class StreamEvidence:
         self._go_over(change.onsets[0])
         return True
 
+    def is_no_unit(self, change: StreamChange, weighed: OnsetWeighed) -> bool:
+        """Whether a fault is as far ahead of another unit as a fault must be of nothing.
+
+        That another unit looks so has the probability of a false alarm: it is asked no more.
+        """
+        ahead = float(weighed.alone[self._judged].max()) - weighed.unit
+        return change.evidence.windows >= TOLD_WINDOWS and ahead > change.limit
+
     def _go_over(self, onset: int) -> None:
         """Another unit is in use from a window on: nothing before it counts."""
         self.other_unit = onset

@@ -28,6 +28,9 @@ from support.stand_runs import scenario
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.evidence.change_evidence import ChangeEvidence
+from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -95,6 +98,20 @@ def test_a_fault_within_what_units_differ_by_is_no_other_unit(fault: str, size: 
     detections, last = told(recorded(5003, switched=False, fault=fault, size=size))
     assert [d.detected for d in detections] == [True]
     assert fault in {member.fault for member in last.members}
+
+
+def test_a_fault_that_no_unit_looks_like_is_asked_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An episode may last for hours."""
+    taken, add = [], ChangeEvidence.add
+
+    def counted(evidence: ChangeEvidence, window: LawWindow) -> None:
+        taken.append(window)
+        add(evidence, window)
+
+    monkeypatch.setattr(ChangeEvidence, "add", counted)
+    detections, _ = told(recorded(5003, switched=False, fault="winding_resistance_rise", size=0.4))
+    assert [d.detected for d in detections] == [True]
+    assert 0 < len(taken) < 0.5 * (30.0 - SWITCH_S) / WINDOW_S
 
 
 def test_a_jammed_unit_that_is_as_warm_is_found() -> None:
