@@ -100,7 +100,7 @@ def table() -> str:
         parts.append(f"## {package}\n\n| number | value | in | why |\n|---|---|---|---|\n")
         for row in rows:
             why = row.why.replace("|", r"\|")
-            parts.append(f"| `{row.name}` | {row.value} | `{row.module}` | {why} |\n")
+            parts.append(f"| `{row.name}` | {row.value} | `{row.package}/{row.module}` | {why} |\n")
         parts.append("\n")
     return "".join(parts)
 

@@ -269,7 +269,7 @@ def test_every_argument_is_explained_and_used(stood_in: Any, name: str) -> None:
     assert [each.name for each in declared] == [row[0] for row in (*arguments, *common)]
 
 
-@pytest.mark.parametrize(("name", "composed"), zip(FILES, ("true", "false"), strict=True))
+@pytest.mark.parametrize(("name", "composed"), list(zip(FILES, ("true", "false"), strict=True)))
 def test_nodes_and_parameters_exist(stood_in: Any, name: str, composed: str) -> None:
     from flea_diag.nodes.executables import program_of
 

@@ -146,7 +146,7 @@ def test_what_holds_the_reaction_or_a_clipped_reading_is_void_and_nothing_else()
         assert not residual.health[-1]
 
 
-@pytest.mark.parametrize(("backend", "length"), zip(BACKENDS, (7, 400), strict=False))
+@pytest.mark.parametrize(("backend", "length"), list(zip(BACKENDS, (7, 400), strict=False)))
 def test_blocks_give_the_records_of_single_scans(backend: str, length: int) -> None:
     stage, run = diagnosed(backend), pressed()
     scans = stands.of(Scan, run)
