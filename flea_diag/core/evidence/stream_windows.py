@@ -24,9 +24,6 @@ import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.run_law.run_windows import (
-    CURRENT_HEAT,
-    CURRENT_RATE,
-    CURRENT_WAY,
     FORMED,
     PLACE,
     WindowMotion,
@@ -68,10 +65,6 @@ class LawWindow(Frozen):
     stands: bool
 
 
-OF_CURRENT = (CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT)
-"""Signals that are formed of the current alone: no other stands in a relation that lacks it."""
-
-
 class LawWindowMeans:
     """Windows of so many scans, whatever the blocks in which these come.
 
@@ -110,10 +103,7 @@ class LawWindowMeans:
         self._current, self._load, self._way, self._speed = places
         self._moves = WindowMotion()
         self._place, self._travel = place[PLACE], travel
-        self._acting = acting[:, : len(formed)].copy()
-        # What is formed here says nothing without what it is made of.
-        made = acting[:, [signals.index(name) for name in OF_CURRENT if name in signals]]
-        self._acting[:, self._current] |= made.any(axis=1)
+        self._acting = acting[:, : len(formed)]
         self._period_s, self._scans = period_s, scans
         self._before: Array | None = None
         self._heat = 0.0
@@ -147,14 +137,11 @@ class LawWindowMeans:
 
     def _formed(self, table: Array) -> Array:
         """Signals as read and of each relation in each scan, shape (n, 1 + relations, signals)."""
-        read = table[:, self._formed_of]
-        formed = zeroed(read)
+        formed = zeroed(table[:, self._formed_of])
         current = formed[..., self._current]
-        # A reading that is missing has no rate, nor has the first one after it.
-        known = read[..., self._current]
-        before = known[:1] if self._before is None else self._before
-        self._before = known[-1:]
-        rate = zeroed(np.diff(known, axis=0, prepend=before)) / self._period_s
+        before = current[:1] if self._before is None else self._before
+        self._before = current[-1:]
+        rate = np.diff(current, axis=0, prepend=before) / self._period_s
         load, way = formed[..., self._load], formed[..., self._way]
         place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
         heat = losses(current[:, self._rows[0]], self._heat, self._period_s)

@@ -32,7 +32,7 @@ from flea_diag.core.evidence.white_stream import WhiteStream
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.run_law.law_columns import FREE, UNIT, LawColumn, LawColumns
 from flea_diag.core.run_law.run_law import FeignedSize, LawTerm, RelationNoise, RunLaw, VisibleSize
-from flea_diag.core.run_law.run_windows import CURRENT_RATE, CURRENT_WAY, FORMED, WINDOW_S
+from flea_diag.core.run_law.run_windows import FORMED, WINDOW_S
 
 RELATIONS = ("first", "second")
 SIGNALS = ("one", "elapsed_s", "speed")
@@ -338,25 +338,6 @@ def test_windows_of_a_stream_are_the_same_in_blocks_and_scans() -> None:
     assert np.isnan(every[2][1].values).tolist() == [True, False], "its load is missing"
     assert [window.stands for _, window in every] == [False, False, False, True]
     assert every[0][1].signals[0, 1] == pytest.approx(table[:20, 1].mean())
-
-
-def test_a_relation_that_acts_by_the_way_of_the_current_says_nothing_without_it() -> None:
-    """Nor is there a rate from a current that is missing to the next."""
-    draw = np.random.default_rng(5)
-    names = ("one", "current", "load", "way", "place")
-    signals = ("one", "current", "load", "way", *FORMED)
-    table, values = draw.standard_normal((60, 5)), draw.standard_normal((60, 2))
-    table[20:45, 1] = np.nan
-    acting = np.zeros((2, len(signals)), dtype=bool)
-    acting[0, signals.index(CURRENT_WAY)] = True
-    motion = "current", "load", "way", "way"
-    means = LawWindowMeans(RELATIONS, signals, names, motion, acting, (), 0.01, 20)
-    whole, lacking, after = (w for _, w in means.add(values, table, np.zeros(60, dtype=bool)))
-    assert np.isfinite((whole.values, after.values)).all()
-    assert np.isnan(lacking.values).tolist() == [True, False]
-    assert after.values[0] == pytest.approx(values[45:, 0].mean())
-    rate = (table[59, 1] - table[45, 1]) / 0.01 / 15
-    assert after.signals[0, signals.index(CURRENT_RATE)] == pytest.approx(rate)
 
 
 def test_a_large_deviation_says_little_of_the_noise_that_relations_share() -> None:
