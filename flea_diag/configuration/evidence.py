@@ -34,7 +34,7 @@ from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
-from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names, speed_signal
+from flea_diag.core.run_law.run_windows import signal_names, speed_signal, window_scans
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.stages.evidence.evidence_chain import EvidenceChain
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
@@ -83,7 +83,7 @@ def with_law(stand: Stand, calibration: Calibration, law: RunLaw) -> EvidenceSta
     judged_by = EvidenceKnowledge(
         made, law.relations, frozenset(judged), limits, sensors, law.visible,
         stream_columns(known, calibration, law, made[0]),
-        window_scans(calibration),
+        window_scans(calibration.period_s),
     )  # fmt: skip
     return EvidenceStand(told, judged_by)
 
@@ -123,13 +123,8 @@ def stream_columns(
     return partial(
         StreamColumns, law.relations, frozenset(rows.in_motion), signal_names(known), moving,
         known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s,
-        window_scans(calibration),
+        window_scans(calibration.period_s),
     )  # fmt: skip
-
-
-def window_scans(calibration: Calibration) -> int:
-    """Scans of one window."""
-    return max(1, round(WINDOW_S / calibration.period_s))
 
 
 def _sensors(told: Knowledge) -> SensorKnowledge:

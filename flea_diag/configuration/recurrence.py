@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flea_diag.configuration.evidence import EvidenceStand, window_scans
+from flea_diag.configuration.evidence import EvidenceStand
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.run_law.run_windows import signal_names
@@ -43,5 +43,5 @@ def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
         {**UNITS, **rows.units}[rows.position],
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,
-        window_scans(calibration),
+        law.scans,
     )

@@ -66,9 +66,8 @@ class PredictedSymbols:
         visited: tuple[Quadrant, ...],
     ) -> tuple[bool, FaultSignature, str]:
         """Whether a fault predicts a symbol in a quadrant visited; its signature and the words."""
-        predictions = list(self._predictions(fault, residual, visited))
         last = UNAFFECTED, "this fault does not affect this residual"
-        for signature in predictions:
+        for signature in self._predictions(fault, residual, visited):
             verdict = compatible(signature, magnitude, slope)
             if verdict:
                 return True, signature, verdict.reason

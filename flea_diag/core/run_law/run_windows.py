@@ -54,6 +54,11 @@ MOTIONS = ("turning", "load", "speed", "acceleration", "jerk")
 """What the noise grows with: sensors lag behind each other, and no description is exact."""
 
 
+def window_scans(period_s: float) -> int:
+    """Scans of one window."""
+    return max(1, round(WINDOW_S / period_s))
+
+
 def zeroed(values: Array) -> Array:
     """The same with 0 where there is none: ``nan_to_num`` takes five times as long for a window."""
     return np.where(np.isnan(values), 0.0, values)

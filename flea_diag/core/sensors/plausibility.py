@@ -33,6 +33,7 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 ENTER_S, CLEAN_S = 0.2, 10.0
+"""Time implausible, and plausible again: a channel is lost sooner than it is trusted anew."""
 
 
 class VoltagePlausibility:

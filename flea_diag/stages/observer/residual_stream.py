@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -316,10 +317,9 @@ class ResidualStream:
     def told(self) -> bool:
         """Whether the last scan has changed what is reported of conditions or of judgement."""
         placed = self.envelope is not None and self.envelope.turned
-        run = self._run is not None and self._run.told
-        return placed or self.ledger.turned or self.conditions.told or self.modes.told or run
+        return placed or self.ledger.turned or any(part.told for part in self._telling)
 
-    @property
+    @cached_property
     def _telling(self) -> tuple[ConditionWatch | ModeWatch | RunWatch, ...]:
         """What has rows of DataQuality of its own."""
         return self.conditions, self.modes, *((self._run,) if self._run else ())

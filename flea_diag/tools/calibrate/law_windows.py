@@ -28,13 +28,13 @@ from flea_diag.core.calibration.nominal_trace import voltage_usable
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.run_law.run_windows import (
-    WINDOW_S,
     RunWindows,
     along,
     answering,
     in_motion_only,
     place_of,
     speed_signal,
+    window_scans,
     windows_of,
     with_neglected,
 )
@@ -137,7 +137,7 @@ class WindowWork:
             values,
             signals,
             (formed.motion[:, 1], *(plain[:, effects.names.index(n)] for n in moving)),
-            max(1, round(WINDOW_S / self.period_s)),
+            window_scans(self.period_s),
         )
 
     def sharing(self) -> Sequence[tuple[int, int]]:
