@@ -16,16 +16,16 @@
 
     python docs/hooks/deciding_numbers.py        renew it
 
-``test/project/test_deciding_numbers.py`` holds the page against this; no number lacks a reason.
+``test/project/test_constants.py`` holds the page against this; no constant lacks a reason.
 """
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import groupby, takewhile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "numbers.md"
@@ -36,71 +36,99 @@ PLAIN = (0, 1, 2)
 BEGIN, END = "<!-- numbers -->\n", "<!-- /numbers -->"
 
 
-class Number(NamedTuple):
-    """A constant of a module; ``why`` is its docstring or comment."""
+Literal = tuple[ast.stmt, ast.stmt | None, list[ast.expr], object]
 
-    package: str
-    module: str
+
+class Constant(NamedTuple):
+    """A number of a module, or numbers in a row; ``why`` is its docstring or comment."""
+
     name: str
-    value: str
+    value: object
     why: str
 
+    @property
+    def decides(self) -> bool:
+        """Whether it does more than count."""
+        every = self.value if isinstance(self.value, tuple | list) else (self.value,)
+        return any(abs(each) not in PLAIN for each in _flat(every))
 
-def numbers() -> Iterator[Number]:
-    """All of them, by package and module."""
+
+def literals(source: str) -> Iterator[Literal]:
+    """Literal constants of a module: their statement and the next one, their targets, the value."""
+    body = ast.parse(source).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            targets = [node.target]
+        else:
+            continue
+        try:
+            yield node, after, targets, ast.literal_eval(node.value or node)
+        except ValueError:  # made of others, which are counted themselves
+            continue
+
+
+def constants(source: str) -> Iterator[Constant]:
+    """Those of a module that are numbers; each of several targets is one of its own."""
+    lines = source.splitlines()
+    for node, after, targets, value in literals(source):
+        if not _is_numeric(value):
+            continue
+        why = _why(node, after, lines)
+        for target in targets:
+            for name, own in _named(target, value):
+                yield Constant(name, own, why)
+
+
+def _is_numeric(value: object) -> bool:
+    if isinstance(value, tuple | list):
+        return bool(value) and all(map(_is_numeric, value))
+    return type(value) in (int, float)
+
+
+def _flat(values: Any) -> Iterator[float]:
+    for value in values:
+        yield from _flat(value) if isinstance(value, tuple | list) else (value,)
+
+
+def _named(target: ast.expr, value: Any) -> Iterator[tuple[str, object]]:
+    if isinstance(target, ast.Name):
+        yield target.id, value
+    elif isinstance(target, ast.Tuple):
+        for each, own in zip(target.elts, value, strict=True):
+            yield from _named(each, own)
+
+
+def _why(node: ast.stmt, after: ast.stmt | None, lines: list[str]) -> str:
+    if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+        return " ".join(str(after.value.value).split())
+    _, _, beside = lines[(node.end_lineno or node.lineno) - 1].partition("#")
+    if told := beside.removeprefix(" fmt: skip").strip():
+        return told
+    above = takewhile(lambda line: line.startswith("#"), reversed(lines[: node.lineno - 1]))
+    return " ".join(line.lstrip("# ") for line in [*above][::-1])
+
+
+def deciding() -> Iterator[tuple[str, str, Constant]]:
+    """Package, path below it, and constant: all that decide, in order."""
     for room in ROOMS:
         for path in sorted((SOURCES / room).rglob("*.py")):
             place = path.relative_to(SOURCES)
-            package = "/".join(place.parts[:2]) if len(place.parts) > 2 else place.parts[0]
-            module = place.relative_to(package).as_posix()
-            yield from of_source(package, module, path.read_text(encoding="utf-8"))
-
-
-def of_source(package: str, module: str, text: str) -> Iterator[Number]:
-    """Those of one module."""
-    lines, body = text.splitlines(), ast.parse(text).body
-    for node, follows in zip(body, [*body[1:], None], strict=True):
-        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
-        value = getattr(node, "value", None)
-        if isinstance(target, ast.Name) and value is not None and _decides(value):
-            told = ast.unparse(value)
-            yield Number(package, module, target.id, told, _why(node, follows, lines))
-
-
-def _decides(value: ast.expr) -> bool:
-    """Whether an expression is a number, or numbers in a row, other than those that only count."""
-    try:
-        found = ast.literal_eval(value)
-    except ValueError:
-        return False
-    every = found if isinstance(found, tuple) else (found,)
-    numeric = bool(every) and all(type(each) in (int, float) for each in every)
-    return numeric and any(abs(each) not in PLAIN for each in every)
-
-
-def _why(node: ast.stmt, follows: ast.stmt | None, lines: list[str]) -> str:
-    if isinstance(follows, ast.Expr) and isinstance(follows.value, ast.Constant):
-        return " ".join(str(follows.value.value).split())
-    last = (node.end_lineno or node.lineno) - 1
-    _, found, beside = lines[last].partition("  # ")
-    if found:
-        return beside.strip()
-    above = node.lineno - 2
-    told: list[str] = []
-    while above >= 0 and lines[above].startswith("# "):
-        told.insert(0, lines[above][2:])
-        above -= 1
-    return " ".join(told)
+            package = "/".join(place.parts[: min(2, len(place.parts) - 1)])
+            for constant in constants(path.read_text(encoding="utf-8")):
+                if constant.decides:
+                    yield package, place.as_posix(), constant
 
 
 def table() -> str:
     """The rows as markdown, a heading for each package."""
     parts = []
-    for package, rows in groupby(numbers(), key=lambda row: row.package):
+    for package, rows in groupby(deciding(), key=lambda row: row[0]):
         parts.append(f"## {package}\n\n| number | value | in | why |\n|---|---|---|---|\n")
-        for row in rows:
-            why = row.why.replace("|", r"\|")
-            parts.append(f"| `{row.name}` | {row.value} | `{row.package}/{row.module}` | {why} |\n")
+        for _, path, (name, value, why) in rows:
+            told = why.replace("|", r"\|")
+            parts.append(f"| `{name}` | {value!r} | `{path}` | {told} |\n")
         parts.append("\n")
     return "".join(parts)
 

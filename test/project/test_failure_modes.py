@@ -16,19 +16,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-
-from support.places import ROOT
-
-HOOK = ROOT / "docs" / "hooks" / "failure_modes.py"
+from support.places import script
 
 
 def test_the_page_is_what_the_failure_modes_give() -> None:
-    spec = importlib.util.spec_from_file_location("failure_modes_hook", HOOK)
-    assert spec is not None
-    assert spec.loader is not None
-    hook = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(hook)
+    hook = script("docs/hooks/failure_modes.py")
     page = hook.PAGE.read_text(encoding="utf-8")
     assert hook.renewed(page) == page, "renew it: python docs/hooks/failure_modes.py"
     assert page.count("\n| Controller") == 5

@@ -27,8 +27,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.places import ROOT
+from support.places import ROOT, script
 
+SCANNER = script("docs/hooks/deciding_numbers.py")
 FOLDERS = ("flea_diag/core", "flea_diag/stages")
 UNITS = re.compile(r"_(M|M_S|M_S2|N|N_S_M|A|V|W|OHM|H|KG|RAD|RAD_S|DEGC|K|S|HZ|SCANS)$")
 
@@ -148,28 +149,9 @@ MACHINE: frozenset[Row] = frozenset(
 """Constants that are those of the FLEA; none is to be added."""
 
 
-Literal = tuple[ast.stmt, ast.stmt | None, list[ast.expr], object]
-
-
-def literals(source: str) -> Iterator[Literal]:
-    """Literal constants of a module: their statement and the next one, their targets, the value."""
-    body = ast.parse(source).body
-    for node, after in zip(body, [*body[1:], None], strict=True):
-        if isinstance(node, ast.Assign):
-            targets = node.targets
-        elif isinstance(node, ast.AnnAssign) and node.value is not None:
-            targets = [node.target]
-        else:
-            continue
-        try:
-            yield node, after, targets, ast.literal_eval(node.value or node)
-        except ValueError:  # made of others, which are counted themselves
-            continue
-
-
 def numbers(source: str) -> Iterator[tuple[str, object]]:
     """Literal constants of a module whose names end in a unit, and their values."""
-    for _, _, targets, value in literals(source):
+    for _, _, targets, value in SCANNER.literals(source):
         for target in targets:
             if isinstance(target, ast.Name) and UNITS.search(target.id):
                 yield target.id, value

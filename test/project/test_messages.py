@@ -17,13 +17,12 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import re
 from types import ModuleType
 from typing import Any, get_type_hints
 
 import pytest
-from support.places import ROOT
+from support.places import ROOT, script
 
 from flea_diag.wire import records as r
 from flea_diag.wire.messages.codec import decode, encode
@@ -151,13 +150,7 @@ def test_the_parts_are_those_of_the_records() -> None:
 
 
 def hook() -> ModuleType:
-    path = ROOT / "docs" / "hooks" / "messages.py"
-    spec = importlib.util.spec_from_file_location("docs_messages", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("docs/hooks/messages.py")
 
 
 def test_every_topic_has_an_example() -> None:

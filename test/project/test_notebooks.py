@@ -16,29 +16,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.places import ROOT
+from support.places import ROOT, script
 
 FOLDER = ROOT / "docs" / "notebooks"
 
 
-def of_file(path: str, name: str) -> Any:
-    """A module that lies in no package."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / path)
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
-
-
-RUNNER = of_file("bench/results/notebooks.py", "notebook_runner")
+RUNNER = script("bench/results/notebooks.py")
 
 
 def texts(notebook: dict[str, Any]) -> list[str]:
@@ -69,7 +58,7 @@ def _is_picture(output: dict[str, Any]) -> bool:
 
 
 def test_the_site_shows_them_with_their_pictures() -> None:
-    hook = of_file("docs/hooks/notebooks.py", "notebook_hook")
+    hook = script("docs/hooks/notebooks.py")
     notebook = json.loads((FOLDER / "calibration.ipynb").read_text(encoding="utf-8"))
     pictures: dict[str, bytes] = {}
     page = "\n\n".join(hook._blocks(notebook, "calibration", pictures))

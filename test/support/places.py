@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 import os
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
@@ -32,3 +34,13 @@ SHIPPED_STANDS = {
 DATA = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data")
 """Real recordings, which are not part of the project: tests on them are skipped without."""
 FLEA = DATA / "flea"
+
+
+def script(path: str) -> Any:
+    """A module that lies in no package, by its path below the root."""
+    spec = spec_from_file_location(Path(path).stem, ROOT / path)
+    assert spec is not None
+    assert spec.loader is not None
+    made = module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made

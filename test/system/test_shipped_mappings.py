@@ -22,13 +22,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.neighbours.bridged import bridged
-from support.places import ROOT
+from support.places import ROOT, script
 
 from flea_diag.configuration.channels import channel_sources
 from flea_diag.configuration.stand import load_stand
@@ -56,27 +55,22 @@ SINGLE = {"bus_voltage": 1e-7}
 def messages_of(stand: str, scans: list[Scan]) -> Iterator[tuple[str, int, Any]]:
     """What the machine publishes, by the tutorials' scripts."""
     if stand == "joint":
-        yield from script("robot_recordings").messages(scans)
+        yield from tutorial("robot_recordings").messages(scans)
     else:
-        yield from script("machine_recordings").messages(stand, scans)
+        yield from tutorial("machine_recordings").messages(stand, scans)
 
 
 def write_bag(stand: str, folder: Path, scans: list[Scan]) -> None:
     """The same as a bag."""
     if stand == "joint":
-        script("robot_recordings").write_bag(folder, scans)
+        tutorial("robot_recordings").write_bag(folder, scans)
     else:
-        script("machine_recordings").write_bag(stand, folder, scans)
+        tutorial("machine_recordings").write_bag(stand, folder, scans)
 
 
-def script(name: str) -> Any:
-    """One that makes messages of simulated scans."""
-    spec = spec_from_file_location(name, ROOT / "docs" / "tutorial" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tutorial(name: str) -> Any:
+    """A script that makes messages of simulated scans."""
+    return script(f"docs/tutorial/{name}.py")
 
 
 @pytest.fixture(scope="module")
