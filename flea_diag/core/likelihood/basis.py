@@ -106,8 +106,8 @@ class Designs(NamedTuple):
 def designs_made(
     models: tuple[FaultModel | None, ...], residuals: tuple[str, ...], basis: Basis
 ) -> Designs:
-    """Designs of models of equal numbers of sizes; None is the model without a fault."""
-    count = 0 if models[0] is None else len(models[0].sizes)
+    """Designs of models; None is the one without a fault. What a model lacks has no effect."""
+    count = max(0 if model is None else len(model.sizes) for model in models)
     distinct: dict[tuple[Term, ...], int] = {}
     terms = [() if model is None else model.terms for model in models]
     places = tuple(distinct.setdefault(each, len(distinct)) for each in terms)

@@ -31,15 +31,16 @@ from flea_diag.core.likelihood.fault_models import FaultModel, Size
 Array = npt.NDArray[np.float64]
 
 RANK = 1e-12
-"""Singular values below this share of the largest one count as zero."""
+"""Eigenvalues below this share of the largest one count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoundedSystems:
     """Minimise x' A x - 2 b' x for each of m models: A, shape (d, n, n), and b, shape (d, n).
 
-    ``models`` are the faults whose sizes come first among the unknowns, all of the same number, and
-    ``places`` says which system is theirs: several may share one and differ in their bounds.
+    ``models`` are the faults whose sizes come first among the unknowns, and ``places`` says which
+    system is theirs: several may share one and differ in their bounds. Of a size that a model lacks
+    nothing is known, and it is 0.
     """
 
     models: Sequence[FaultModel | None]
@@ -47,10 +48,10 @@ class BoundedSystems:
     A: Array
     b: Array
 
-    @property
+    @cached_property
     def count(self) -> int:
-        """Sizes of each model."""
-        return len(_sizes(self.models[0]))
+        """Most sizes of a model."""
+        return max(map(len, map(_sizes, self.models)))
 
     @cached_property
     def _scaled(self) -> tuple[Array, Array]:
@@ -60,8 +61,7 @@ class BoundedSystems:
     def solutions(self) -> Array:
         """Solutions with the sizes held to their bounds, one after the other, shape (m, n)."""
         A, scale = self._scaled
-        b = self.b / scale
-        free = np.array([_least(A[k], b[k]) for k in range(len(A))]) / scale
+        free = _least(A, self.b / scale) / scale
         x: Array = free[list(self.places)]
         held: dict[tuple[object, ...], Array] = {}
         for k, values in enumerate(x[:, : self.count].tolist()):
@@ -95,7 +95,7 @@ class BoundedSystems:
         return x
 
     def errors(self, which: Sequence[int]) -> Array:
-        """Standard errors of the sizes of these models, shape (len(which), sizes)."""
+        """Standard errors of the sizes of these models, shape (len(which), most sizes)."""
         if not self.count or not len(which):
             return np.empty((len(which), self.count))
         needed, places = np.unique([self.places[k] for k in which], return_inverse=True)
@@ -116,7 +116,7 @@ class BoundedSystems:
 
     def sizes(self, k: int) -> tuple[float, ...]:
         """Sizes of one model."""
-        return tuple(self._found[k])
+        return tuple(self._found[k][: len(_sizes(self.models[k]))])
 
     def misfit(self, k: int, square: float) -> float:
         """Smallest sum of squares of one model; ``square`` is that without unknowns."""
@@ -140,7 +140,12 @@ def _sizes(model: FaultModel | None) -> tuple[Size, ...]:
 
 
 def _least(A: Array, b: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0], dtype=float)
+    """The shortest of the least-squares solutions, shape (..., n)."""
+    values, vectors = np.linalg.eigh(A)
+    shown = values > RANK * values[..., -1:]
+    along = np.matmul(b[..., None, :], vectors)[..., 0, :]
+    told = np.divide(along, values, out=np.zeros_like(along), where=shown)
+    return np.asarray(np.matmul(vectors, told[..., None])[..., 0], dtype=float)
 
 
 def _outside(

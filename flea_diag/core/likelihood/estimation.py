@@ -43,40 +43,29 @@ def fitted(
 ) -> tuple[Fit, ...]:
     """Fits of all ``models``, in their order; ``once``: of models that are soon forgotten."""
     spacing, weight, unit = known.spacing, known.weight, known.unit
-    stacks = [sums.stack(alike, once) for alike in _of_equal_size(models)]
-    systems = [stack.systems(weight, unit) for stack in stacks]
-    dispersion = _dispersion(sums, spacing, stacks, systems, weight)
+    stack = sums.stack((*models, None), once)
+    systems = stack.systems(weight, unit)
+    dispersion = _dispersion(sums, spacing, stack, systems, weight)
     if (dispersion != 1.0).any():
         weight = weight / dispersion
-        systems = [stack.systems(weight, unit) for stack in stacks]
+        systems = stack.systems(weight, unit)
     moved = {term.residual for model in models for term in model.terms}
     counts = sums.samples / spacing * [name in moved for name in sums.residuals]
     log_independent = float(np.log(max(float(counts.sum()), 2.0)))
-    square = float(weight @ sums.square)
-    nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
+    nominal = systems.misfit(len(models), float(weight @ sums.square))
     means = sums.means.copy()  # as they are now: a fit is asked for details later
     fitting = _Fitting(
         sums, spacing, weight, unit, nominal, log_independent, means, known.tolerance
     )
-    found: dict[FaultModel, Fit] = {}
-    for stack, solved in zip(stacks, systems, strict=True):
-        found |= fitting.fits(stack, solved)
+    found = dict(fitting.fits(stack, systems))
     return tuple(found[model] for model in models)
-
-
-def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
-    """Models in groups of equal numbers of sizes."""
-    groups: dict[int, list[FaultModel]] = {}
-    for model in models:
-        groups.setdefault(len(model.sizes), []).append(model)
-    return [tuple(group) for group in groups.values()]
 
 
 def _dispersion(
     sums: EvidenceSums,
     spacing: Array,
-    stacks: Sequence[ModelStack],
-    systems: Sequence[BoundedSystems],
+    stack: ModelStack,
+    systems: BoundedSystems,
     weight: Array,
 ) -> Array:
     """Excess scatter of each residual over noise, under the model that fits it best.
@@ -84,10 +73,8 @@ def _dispersion(
     Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
     this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
     """
-    least = np.full(len(sums.residuals), np.inf)
-    for stack, solved in zip(stacks, systems, strict=True):
-        misfits = sums.misfits(stack, solved.solutions, weight)
-        least = np.minimum(least, np.minimum.reduce(misfits, axis=0))
+    misfits = sums.misfits(stack, systems.solutions, weight)
+    least = np.minimum.reduce(misfits[: len(stack.faults)], axis=0, initial=np.inf)
     independent = np.maximum(sums.samples / spacing, 1.0)
     return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
 

@@ -104,7 +104,7 @@ class EvidenceSums:
         return EvidenceSums(self.residuals, self.basis, *(now - then for now, then in pairs))
 
     def stack(self, models: Sequence[FaultModel | None], once: bool = False) -> ModelStack:
-        """Models of equal numbers of sizes, on the sums so far; ``once``: soon forgotten ones."""
+        """Models on the sums so far; ``once``: soon forgotten ones."""
         made = designs_made if once else designs_of
         designs = made(tuple(models), self.residuals, self.basis)
         moments = np.matmul(self.gram[designs.entered], designs.own)

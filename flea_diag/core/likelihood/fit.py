@@ -91,8 +91,8 @@ class Solution:
         of one standard deviation of difference j. What is left of its variance is of the noise.
         Where the ``pieces`` of the evidence are given, their scatter says what that is.
         """
-        inverse, count = self.systems.inverse(self.number), self.systems.count
-        moved = inverse[:count, count:] / self.tolerance
+        inverse, count = self.systems.inverse(self.number), len(self._sizes)
+        moved = inverse[:count, self.systems.count :] / self.tolerance
         noise = np.diagonal(inverse)[:count] - np.square(moved).sum(axis=1)
         if pieces:
             noise = np.square(inverse[:count] @ self._scores(pieces)).sum(axis=1)
@@ -117,7 +117,11 @@ class Solution:
     def sigmas(self) -> tuple[float, ...]:
         """Standard error of each size."""
         (errors,) = self.systems.errors([self.number])
-        return tuple(map(float, errors))
+        return tuple(errors[: len(self._sizes)].tolist())
+
+    @property
+    def _sizes(self) -> tuple[float, ...]:
+        return self.systems.sizes(self.number)
 
     def left(self) -> tuple[float, ...]:
         """Of each residual the sum of squares over block means that the unknowns leave."""

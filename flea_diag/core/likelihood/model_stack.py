@@ -37,7 +37,7 @@ class ModelStack:
     Attributes
     ----------
     models
-        With equal numbers of sizes; None is the model without a fault.
+        None is the one without a fault.
     designs
         How sizes and unit parameters enter each residual.
     moments
