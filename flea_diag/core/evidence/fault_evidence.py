@@ -163,7 +163,7 @@ class FaultEvidence:
         if since < 0:
             self._take_quiet(white)
             return
-        self._ways.add(self._h.friction.way(window))
+        self._ways.add(int(self._h.friction.way(window)))
         errors = np.nan_to_num(white.errors)
         self._count += np.isfinite(white.errors)
         self._seen += errors, np.square(errors)

@@ -92,12 +92,12 @@ class FaultSignatures:
         return self.reach.shape[0], self.reach.shape[1]
 
     def signals(self, regressors: Array) -> tuple[Array, Array]:
-        """What one unit of each size adds to each residual, shape (residuals, models * sizes).
+        """What one unit of each size adds to each residual, shape (..., residuals, models * sizes).
 
         The second is what it adds for each second since the onset. ``regressors`` has shape
-        (residuals, signals).
+        (..., residuals, signals).
         """
-        added = np.matmul(regressors[:, None, :], self.design)[:, 0]
+        added = np.matmul(regressors[..., None, :], self.design)[..., 0, :]
         return added, self.design[:, self.elapsed]
 
     @cached_property

@@ -20,7 +20,6 @@ not said. Pushed at a standstill it holds anything up to the dry friction, and g
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,20 +53,26 @@ class Friction:
     usual_speed: float
 
     def held(self, window: LawWindow) -> Array:
-        """What the relations have taken off for it at a standstill against a push, (relations,)."""
-        return np.asarray((window.signals * self.dry).sum(axis=1) * window.stands)
+        """What the relations have taken off for it at a standstill against a push.
+
+        Shape (..., relations).
+        """
+        stands = np.asarray(window.stands)[..., None]
+        return np.asarray((window.signals * self.dry).sum(axis=-1) * stands)
 
     def loudness(self, window: LawWindow) -> Array:
-        """Factor of the standard deviation for the stroke of a window, shape (relations,)."""
-        slowest = SLOWEST * self.usual_speed
-        speed = max(float(np.abs(window.read[:, self.speed]).max()), slowest)
-        factor = math.sqrt(max(self.usual_speed / speed, 1.0)) if self.usual_speed else 1.0
+        """Factor of the standard deviation for the stroke of a window, shape (..., relations)."""
+        if not self.usual_speed:
+            return np.ones(window.values.shape)
+        speed = np.abs(window.read[..., self.speed]).max(axis=-1)
+        share = self.usual_speed / np.maximum(speed, SLOWEST * self.usual_speed)
+        factor = np.sqrt(np.maximum(share, 1.0))[..., None]
         return np.where(self._rubs, factor, 1.0)
 
-    def way(self, window: LawWindow) -> int:
-        """Direction of motion: 1 forth, -1 back, 0 about a standstill."""
-        speed = float(np.median(window.read[:, self.speed]))
-        return int(np.sign(speed)) if abs(speed) > SLOWEST * self.usual_speed else 0
+    def way(self, window: LawWindow) -> Array:
+        """Direction of motion: 1 forth, -1 back, 0 about a standstill, shape (...)."""
+        speed = np.median(window.read[..., self.speed], axis=-1)
+        return np.where(np.abs(speed) > SLOWEST * self.usual_speed, np.sign(speed), 0.0)
 
     @cached_property
     def _rubs(self) -> npt.NDArray[np.bool_]:

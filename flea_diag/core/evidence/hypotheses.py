@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -139,7 +140,7 @@ class StreamHypotheses(Frozen):
         return np.where(before, np.maximum(whole, mean), begun)
 
     def faults(self, window: LawWindow, errors: Array) -> tuple[Array, Array]:
-        """What one unit of each size adds, and for each second, shape (relations, sizes).
+        """What one unit of each size adds, and for each second, shape (..., relations, sizes).
 
         A signal that a relation answers by carries its noise, so what the relation says takes its
         place; but what of its residual is no noise, a fault has done to the signal.
@@ -147,24 +148,44 @@ class StreamHypotheses(Frozen):
         Parameters
         ----------
         errors
-            Of prediction under no fault, in standard deviations of a window, shape (relations,).
+            Of prediction under no fault, in standard deviations of a window, (..., relations).
         """
         far = np.maximum(np.abs(errors), BOUND)
-        share = (1.0 - BOUND / far)[:, None]
+        share = (1.0 - BOUND / far)[..., None]
         return self.signatures.signals(window.signals + share * (window.read - window.signals))
 
-    def own(self, window: LawWindow, number: int) -> tuple[Array, Array, Array]:
-        """What is left beside the mean (relations,), Psi root, and Psi_unit.
+    def own(self, window: LawWindow, number: npt.ArrayLike) -> tuple[Array, Array]:
+        """What is left beside the mean, shape (..., relations), and Psi root.
 
         ``number`` of the window since the start of the stream: since then its parts heat up. At a
         standstill against a push the friction holds anything up to the dry friction: the last
         column of Psi root, about none of it.
         """
-        psi = np.einsum("rs,rsc->rc", window.signals, self.columns.design)
-        psi = psi + (number + 0.5) * WINDOW_S * self.columns.design[:, self.columns.elapsed]
+        told = self._acted(window, number, self._recording)
         held = self.friction.held(window)
-        psi_root = np.column_stack((psi @ self.root, held / math.sqrt(3.0)))
-        return window.values + held - psi @ self.mean, psi_root, psi @ self.unit
+        psi_root = np.concatenate((told[..., 1:], held[..., None] / math.sqrt(3.0)), axis=-1)
+        return window.values + held - told[..., 0], psi_root
+
+    def of_unit(self, window: LawWindow, number: npt.ArrayLike) -> Array:
+        """Psi_unit."""
+        return self._acted(window, number, self._another)
+
+    def _acted(self, window: LawWindow, number: npt.ArrayLike, design: Array) -> Array:
+        """What signals and the time since the start do by a design, (..., relations, columns)."""
+        signals = window.signals.copy()
+        signals[..., self.columns.elapsed] += ((np.asarray(number) + 0.5) * WINDOW_S)[..., None]
+        # Relation by relation: the same bits for one window as for many.
+        return np.asarray(np.matmul(signals[..., None, :], design)[..., 0, :])
+
+    @cached_property
+    def _recording(self) -> Array:
+        """Columns of the mean and of ``root``, shape (relations, signals, 1 + columns)."""
+        return np.asarray(self.columns.design @ np.column_stack((self.mean, self.root)))
+
+    @cached_property
+    def _another(self) -> Array:
+        """Columns of ``unit``, shape (relations, signals, differences)."""
+        return np.asarray(self.columns.design @ self.unit)
 
     @property
     def acting(self) -> npt.NDArray[np.bool_]:

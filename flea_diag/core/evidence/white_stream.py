@@ -66,26 +66,27 @@ class WhiteWindow:
 
 
 def weight_of(errors: Array) -> Array:
-    """By how much a value counts that is so many standard deviations out, shape (relations, 1)."""
+    """By how much a value counts that is so many standard deviations out, (..., relations, 1)."""
     far = np.maximum(np.abs(zeroed(errors)), BOUND)
-    return np.asarray(np.sqrt(BOUND / far))[:, None]
+    return np.asarray(np.sqrt(BOUND / far))[..., None]
 
 
 def exact_share(errors: Array) -> Array:
-    """Standard deviation of the noise over that of noise and model error, shape (relations, 1)."""
+    """Standard deviation of the noise over that of noise and model error, (..., relations, 1)."""
     inexact = MODEL_ERROR * np.abs(zeroed(errors))
-    return np.asarray(1.0 / np.maximum(inexact, 1.0))[:, None]
+    return np.asarray(1.0 / np.maximum(inexact, 1.0))[..., None]
 
 
 def standardised(white: Array, mean: Array, covariance: Array) -> Array:
     """Errors of [y, X] beside coefficients of X, in the standard deviations of a prediction."""
-    return np.asarray((white[:, 0] - white[:, 1:] @ mean) / predicted_sigma(white, covariance))
+    left = white[..., 0] - white[..., 1:] @ mean
+    return np.asarray(left / predicted_sigma(white, covariance))
 
 
 def predicted_sigma(white: Array, covariance: Array) -> Array:
     """Standard deviations of a prediction of [y, X], the noise among them."""
-    x = white[:, 1:]
-    return np.asarray(np.sqrt(1.0 + np.einsum("rc,cd,rd->r", x, covariance, x)))
+    x = white[..., 1:]
+    return np.asarray(np.sqrt(1.0 + ((x @ covariance) * x).sum(axis=-1)))
 
 
 class WhiteStream:
@@ -109,7 +110,8 @@ class WhiteStream:
         """Take the next window; ``counts``: whether its values are looked at."""
         h = self._h
         known = np.isfinite(window.values) & counts
-        left, psi, unit = h.own(window, self._before + self.windows)
+        number = self._before + self.windows
+        (left, psi), unit = h.own(window, number), h.of_unit(window, number)
         eta, covariance = self._known()
         rows = np.column_stack((np.where(known, left, 0.0), psi))
         loud = h.noise.loudness(window.motion) * h.friction.loudness(window)

@@ -44,6 +44,7 @@ from flea_diag.core.frozen import Frozen
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Places = npt.NDArray[np.int64]
 
 FAR, NEAR = 8.0, 4.0
 """Standard deviations that the farthest window of a burst is out, and up to which one is quiet: of
@@ -117,14 +118,12 @@ class RecurringFault(Frozen):
     size: Array
     sigma: Array
     whole: bool
-    states: npt.NDArray[np.int64]
+    states: Places
 
     @property
-    def comings(self) -> npt.NDArray[np.int64]:
+    def comings(self) -> Places:
         """Windows with which it came, each after one in which it was absent or the first."""
-        told = np.flatnonzero(self.states)
-        turned = np.diff(self.states[told], prepend=-1) > 0
-        return np.asarray(told[turned & (self.states[told] > 0)])
+        return _comings(self.states)
 
 
 def bursts(far: Array, least: float = FAR) -> list[slice]:
@@ -168,19 +167,23 @@ def _weighed(
     for run in told_by:
         loud[run] = True
     sums = _sums(part, loud)
-    nats = marginal_ratio(sums, prior, reaching=True)
-    stays = _stays(part, prior)
     found = posterior(sums, prior)
     left, shown = _left(part, loud, found.size)
-    fits = usable & (left < (1.0 - EXPLAINED) * shown) & (nats > stays)
-    made = [
-        _presence(part, k, float(nats[k]), found.size[k], found.sigma[k], whole)
-        for k in np.flatnonzero(fits).tolist()
+    fits = usable & (left < (1.0 - EXPLAINED) * shown)
+    which = np.flatnonzero(fits)
+    shows = [
+        (k, states)
+        for k, states in zip(which.tolist(), _states(part, which, found.size[which]), strict=True)
+        if _comes_and_goes(part, states) and _jumps(part, states, reading[k])
     ]
+    if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
+        return []
+    nats = marginal_ratio(sums, prior, reaching=True)
+    least = _stays(part, prior) + APART_NATS
     kept = [
-        each
-        for each in made
-        if _comes_and_goes(part, each, stays) and _jumps(part, each, reading[each.model])
+        RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, states)
+        for k, states in shows
+        if nats[k] > least
     ]
     return sorted(kept, key=lambda each: -each.nats)
 
@@ -213,8 +216,8 @@ def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:
 
     ``of_unit``: with what another unit may differ by.
     """
-    exact = exact_share(part.errors[which].ravel()).reshape(part.errors[which].shape)[..., None]
-    own = part.errors[which][..., None]
+    errors = part.errors[which]
+    exact, own = exact_share(errors), errors[..., None]
     if of_unit:
         own = np.concatenate((own, part.units[which]), axis=-1)
     return Sums.of(own * exact, part.faults[which] * exact[..., None])
@@ -234,30 +237,37 @@ def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:
     return (shown[:, None] - explained).sum(axis=0), np.full(len(size), shown.sum())
 
 
-def _presence(
-    part: StreamPart, model: int, nats: float, size: Array, sigma: Array, whole: bool
-) -> RecurringFault:
-    """Where a fault of this size is there, and where it is not, window by window."""
-    effect = np.einsum("nrs,s->nr", part.faults[:, :, model], size)
+def _states(part: StreamPart, models: Places, sizes: Array) -> Places:
+    """Where faults of these sizes are there, and where not, window by window: (models, n)."""
+    effect = (part.faults[:, :, models] * sizes).sum(axis=-1)
     strength = np.sqrt(np.square(effect).sum(axis=1))
-    along = (effect * part.errors).sum(axis=1) / np.maximum(strength, 1e-300)
-    shown = np.square(part.errors).sum(axis=1)
+    along = (effect * part.errors[..., None]).sum(axis=1) / np.maximum(strength, 1e-300)
+    explained = EXPLAINED * np.square(part.errors).sum(axis=1)
     states = np.where((strength >= SHOWS) & (np.abs(along) < ABSENT * strength), -1, 0)
+    every = np.arange(len(models))
     for run in bursts(part.far, SHOWS):
-        peak = run.start + int(along[run].argmax())
-        if along[peak] > SHOWS and along[peak] ** 2 > EXPLAINED * shown[peak]:
-            states[run] = 1
-    return RecurringFault(model, nats, size, sigma, whole, states)
+        peaks = run.start + along[run].argmax(axis=0)
+        most = along[peaks, every]
+        there = (most > SHOWS) & (np.square(most) > explained[peaks])
+        states[run, there] = 1
+    return np.ascontiguousarray(states.T)
 
 
-def _comes_and_goes(part: StreamPart, found: RecurringFault, stays: float) -> bool:
-    """Whether it came often enough, whatever direction it moves in, and nothing else stays."""
-    if len(found.comings) < LEAST_TIMES or found.nats - stays <= APART_NATS:
+def _comings(states: Places) -> Places:
+    """See ``RecurringFault.comings``."""
+    told = np.flatnonzero(states)
+    turned = np.diff(states[told], prepend=-1) > 0
+    return np.asarray(told[turned & (states[told] > 0)])
+
+
+def _comes_and_goes(part: StreamPart, states: Places) -> bool:
+    """Whether it came often enough, whatever direction it moves in."""
+    if len(_comings(states)) < LEAST_TIMES:
         return False
-    return not any(_parts(way, found.states) for way in part.ways.T)
+    return not any(_parts(way, states) for way in part.ways.T)
 
 
-def _parts(way: Array, states: npt.NDArray[np.int64]) -> bool:
+def _parts(way: Array, states: Places) -> bool:
     """Whether a fault is there in one direction and not in the other: then it may well stay."""
     here, gone = way[(states > 0) & (way != 0)], way[(states < 0) & (way != 0)]
     if not len(here) or not len(gone):
@@ -267,7 +277,7 @@ def _parts(way: Array, states: npt.NDArray[np.int64]) -> bool:
     return min(forth, back) >= ONE_WAY or max(forth, back) <= 1.0 - ONE_WAY
 
 
-def _jumps(part: StreamPart, found: RecurringFault, reading: int) -> bool:
+def _jumps(part: StreamPart, states: Places, reading: int) -> bool:
     """Whether a reading has jumped when its error came, by more than it does otherwise."""
     if reading < 0:
         return True
@@ -278,5 +288,5 @@ def _jumps(part: StreamPart, found: RecurringFault, reading: int) -> bool:
     if near.all():
         return True
     usual = float(np.quantile(jumps[~near], USUAL))
-    came = [float(jumps[max(k - 1, 0) : k + 2].max()) for k in found.comings]
+    came = [float(jumps[max(k - 1, 0) : k + 2].max()) for k in _comings(states)]
     return float(np.median(came)) > usual

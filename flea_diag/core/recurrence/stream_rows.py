@@ -21,7 +21,9 @@ and goes is not learned.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,43 +37,94 @@ from flea_diag.core.evidence.white_stream import (
     weight_of,
 )
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.recurrence.recurring import FAR, NEAR
+from flea_diag.core.recurrence.recurring import NEAR
 from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 SOLVED_EVERY = 5
-"""Windows from one solution for what the stream differs by to the next: 1 s."""
+"""Quiet windows from one solution for what the stream differs by to the next: 1 s."""
 
 
 @dataclass(frozen=True, eq=False)
-class WindowRow(Frozen):
-    """One window.
+class WindowRows(Frozen):
+    """Windows that follow each other.
 
     Attributes
     ----------
     errors
-        Of prediction under no fault, in standard deviations, shape (relations,), 0 without a value.
-    faults
-        What one unit of each size adds to them, shape (relations, models * sizes).
-    unit
-        What another unit adds, for one standard deviation of each of its differences, shape
-        (relations, differences).
+        Of prediction under no fault, in standard deviations, shape (n, relations), 0 without a
+        value.
+    window, first
+        What they are of, and the number of the first since the start.
+    raw
+        Errors before what sensors share was taken off.
+    predicted
+        Standard deviations of the predictions, shape (n, relations); infinite without a value.
+    apart
+        Takes off what relations share, shape (n, relations, relations).
     """
 
     errors: Array
-    faults: Array
-    unit: Array
+    window: LawWindow
+    first: int
+    raw: Array
+    predicted: Array
+    apart: Array
 
     @property
-    def farthest(self) -> float:
-        """Standard deviations that the farthest relation is out."""
-        return float(np.abs(self.errors).max())
+    def farthest(self) -> Array:
+        """Standard deviations that the farthest relation of each is out, shape (n,)."""
+        return np.asarray(np.abs(self.errors).max(axis=1))
+
+    def added(self, hypotheses: StreamHypotheses) -> tuple[Array, Array]:
+        """What faults and another unit add to the errors.
+
+        Returns
+        -------
+        For one unit of each size, shape (n, relations, models * sizes), and for one standard
+        deviation of each difference, shape (n, relations, differences).
+        """
+        numbers = self.first + np.arange(len(self.errors))
+        faults, _ = hypotheses.faults(self.window, self.raw)
+        both = faults, hypotheses.of_unit(self.window, numbers)
+        one, other = (self.apart @ (each / self.predicted[..., None]) for each in both)
+        return one, other
+
+    def one(self, k: int) -> WindowRows:
+        """One of these windows."""
+        which = slice(k, k + 1)
+        return WindowRows(
+            self.errors[which], self.window.part(which), self.first + k, self.raw[which],
+            self.predicted[which], self.apart[which],
+        )  # fmt: skip
+
+    @staticmethod
+    def joined(pieces: Sequence[WindowRows]) -> WindowRows:
+        """Pieces that follow each other."""
+        raw, errors = (np.concatenate([getattr(p, n) for p in pieces]) for n in ("raw", "errors"))
+        predicted, apart = (
+            np.concatenate([getattr(p, n) for p in pieces]) for n in ("predicted", "apart")
+        )
+        window = LawWindow.joined([p.window for p in pieces])
+        return WindowRows(errors, window, pieces[0].first, raw, predicted, apart)
+
+
+class _Standing(NamedTuple):
+    """What windows hold whatever is known of the stream: values and columns in the noise alone."""
+
+    rows: Array
+    sigma: Array
+    known: Flags
+
+    def part(self, which: slice) -> _Standing:
+        """Of some windows."""
+        return _Standing(self.rows[which], self.sigma[which], self.known[which])
 
 
 class StreamRows:
-    """Makes the rows of one stream, window by window.
+    """Makes the rows of one stream.
 
     ``fast``, shape (relations,): those that are looked at. A slow store is predicted from a
     detection on without a correction, and says nothing of a burst.
@@ -79,7 +132,7 @@ class StreamRows:
 
     def __init__(self, hypotheses: StreamHypotheses, fast: Flags) -> None:
         self._h, self._fast = hypotheses, fast
-        self._fade = math.exp(-WINDOW_S / hypotheses.memory_s)
+        self._fade = math.exp(-SOLVED_EVERY * WINDOW_S / hypotheses.memory_s)
         noise = hypotheses.noise
         # Neighbouring windows are alike: of what lasts they tell less than their number says.
         self._alike = np.maximum(noise.long_run / noise.sigma, 1.0)[:, None]
@@ -91,42 +144,44 @@ class StreamRows:
         """Zeros of this unit have been learned: what is left of them is another quantity now."""
         count = self._h.own_count
         self._sums = np.zeros((count, count))
-        self._quiet = 0
+        self._quiet: list[Array] = []
         self._solve()
 
-    def step(self, window: LawWindow, keeps: bool) -> WindowRow | None:
-        """Take the next window; None where it is not kept, as no relation is far out in it."""
-        h, known = self._h, np.isfinite(window.values) & self._fast
-        left, psi, unit = h.own(window, self._number)
-        self._number += 1
-        sigma = h.noise.loudness(window.motion) * h.friction.loudness(window) * h.noise.sigma
-        rows = np.column_stack((left, psi)) / sigma[:, None]
-        rows[~known] = 0.0
-        covariance = self._covariance
-        errors = standardised(rows, self._eta, covariance)
-        # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
-        both = known[:, None] & known
-        shared = h.noise.shared * np.square(exact_share(errors)[:, 0])
-        apart = self._one - np.where(both, shared * sigma / sigma[:, None], 0.0)
-        if np.abs(errors).max() <= NEAR:
-            self._count(rows * weight_of(errors) / self._alike)
-        own = apart @ errors
-        if not keeps and np.abs(own).max() <= FAR:
-            return None
-        added, _ = h.faults(window, errors)
-        # Asked of a window that is kept alone: most are quiet.
-        predicted = sigma * predicted_sigma(rows, covariance)
-        added = np.column_stack((added, unit)) / predicted[:, None]
-        added[~known] = 0.0
-        added = apart @ added
-        differences = unit.shape[1]
-        return WindowRow(own, added[:, :-differences], added[:, -differences:])
+    def add(self, windows: LawWindow) -> Iterator[WindowRows]:
+        """Take windows; the rows of all of them, those that one solution holds for together."""
+        begun, every, first = 0, self._standing(windows), self._number
+        self._number += len(every.rows)
+        while begun < len(every.rows):
+            which = slice(begun, begun + SOLVED_EVERY - len(self._quiet))
+            begun = which.stop
+            yield self._rows(windows.part(which), first + which.start, every.part(which))
 
-    def _count(self, rows: Array) -> None:
-        self._sums = self._fade * self._sums + rows.T @ rows
-        self._quiet += 1
-        if self._quiet % SOLVED_EVERY == 0:
+    def _standing(self, windows: LawWindow) -> _Standing:
+        h, known = self._h, np.isfinite(windows.values) & self._fast
+        left, psi = h.own(windows, self._number + np.arange(len(known)))
+        sigma = h.noise.loudness(windows.motion) * h.friction.loudness(windows) * h.noise.sigma
+        rows = np.concatenate((left[..., None], psi), axis=-1) / sigma[..., None]
+        rows[~known] = 0.0
+        return _Standing(rows, sigma, known)
+
+    def _rows(self, window: LawWindow, first: int, standing: _Standing) -> WindowRows:
+        (rows, sigma, known), covariance = standing, self._covariance
+        errors = standardised(rows, self._eta, covariance)
+        predicted = np.where(known, sigma * predicted_sigma(rows, covariance), np.inf)
+        # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
+        both = known[:, :, None] & known[:, None]
+        shared = self._h.noise.shared * np.square(exact_share(errors)[..., 0])[:, None]
+        scale = sigma[:, None] / sigma[:, :, None]
+        apart = self._one - np.where(both, shared * scale, 0.0)
+        quiet = np.abs(errors).max(axis=1) <= NEAR
+        self._quiet.extend((rows * weight_of(errors) / self._alike)[quiet])
+        if len(self._quiet) == SOLVED_EVERY:
+            told = np.concatenate(self._quiet)
+            self._sums = self._fade * self._sums + told.T @ told
+            self._quiet = []
             self._solve()
+        own = (apart @ errors[..., None])[..., 0]
+        return WindowRows(own, window, first, errors, predicted, apart)
 
     def _solve(self) -> None:
         """What the stream differs by so far: mean and covariance."""

@@ -16,55 +16,107 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.recurrence.recurring import StreamPart
+from flea_diag.core.recurrence.stream_rows import WindowRows
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
-@dataclass
-class WatchedWindows:
-    """Windows of a stream since something was first far out.
+@dataclass(frozen=True)
+class WatchedWindow:
+    """One window.
 
     Attributes
     ----------
-    ends_ns
-        Stamps of their last scans.
-    errors, faults, units
-        See ``WindowRow``.
-    ways, jumps
-        See ``StreamPart``.
-    places
+    end_ns
+        Stamp of its last scan.
+    row
+        Of the relations; it alone.
+    jump
+        By how much each reading has jumped at most.
+    place
         Along the stroke, NaN where nothing reads it.
     """
 
-    ends_ns: list[int] = field(default_factory=list)
-    errors: list[Array] = field(default_factory=list)
-    faults: list[Array] = field(default_factory=list)
-    units: list[Array] = field(default_factory=list)
-    ways: list[tuple[float, float]] = field(default_factory=list)
-    jumps: list[Array] = field(default_factory=list)
-    places: list[float] = field(default_factory=list)
+    end_ns: int
+    row: WindowRows
+    jump: Array
+    place: float
+
+
+class WatchedWindows:
+    """Windows of a stream since something was first far out, at most so many.
+
+    What faults would have added to them is formed when it is asked for, of all new ones at once.
+
+    Parameters
+    ----------
+    fast
+        Relations that are looked at, shape (relations,).
+    load
+        Place of the load among the signals.
+    """
+
+    def __init__(self, hypotheses: StreamHypotheses, fast: Flags, load: int, most: int) -> None:
+        self._h, self._fast, self._load, self._most = hypotheses, fast, load, most
+        self._windows: list[WatchedWindow] = []
+        self._formed = 0
+        self._errors, self._faults, self._units, self._ways = (np.empty(0),) * 4
 
     def __len__(self) -> int:
-        return len(self.ends_ns)
+        return len(self._windows)
+
+    def add(self, window: WatchedWindow) -> None:
+        """Take the next window."""
+        self._windows.append(window)
+
+    def end_ns(self, number: int) -> int:
+        """Stamp of the last scan of a window."""
+        return self._windows[number].end_ns
+
+    def places(self, count: int) -> Array:
+        """Of the first windows, shape (count,)."""
+        return np.array([window.place for window in self._windows[:count]])
 
     def drop(self, count: int) -> None:
         """Forget the oldest."""
-        every: tuple[list[Any], ...] = (
-            self.ends_ns, self.errors, self.faults, self.units, self.ways, self.jumps,
-            self.places,
-        )  # fmt: skip
-        for rows in every:
-            del rows[:count]
+        self._form()
+        del self._windows[:count]
+        for rows in (self._errors, self._faults, self._units, self._ways):
+            rows[: len(self)] = rows[count : count + len(self)].copy()
+        self._formed = len(self)
 
-    def part(self, shape: tuple[int, int]) -> StreamPart:
+    def part(self) -> StreamPart:
         """All of them."""
-        faults = np.array(self.faults).reshape(len(self.faults), -1, *shape)
-        units, ways, jumps = map(np.array, (self.units, self.ways, self.jumps))
-        return StreamPart(np.array(self.errors), faults, units, ways, jumps)
+        self._form()
+        count, shape = len(self), self._h.signatures.shape
+        faults = self._faults[:count].reshape(count, -1, *shape)
+        jumps = np.array([window.jump for window in self._windows])
+        return StreamPart(
+            self._errors[:count], faults, self._units[:count], self._ways[:count], jumps
+        )
+
+    def _form(self) -> None:
+        """What is new, behind what has been formed."""
+        if self._formed == len(self):
+            return
+        rows = WindowRows.joined([window.row for window in self._windows[self._formed :]])
+        load = np.sign(np.median(rows.window.read[..., self._load], axis=-1))
+        ways = np.column_stack((self._h.friction.way(rows.window), load))
+        new = slice(self._formed, len(self))
+        told = (each[:, self._fast] for each in (rows.errors, *rows.added(self._h)))
+        every = *told, ways
+        if not self._formed:
+            shapes = ((self._most, *each.shape[1:]) for each in every)
+            self._errors, self._faults, self._units, self._ways = map(np.empty, shapes)
+        kept = self._errors, self._faults, self._units, self._ways
+        for rows_kept, made in zip(kept, every, strict=True):
+            rows_kept[new] = made
+        self._formed = len(self)

@@ -64,11 +64,6 @@ def zeroed(values: Array) -> Array:
     return np.where(np.isnan(values), 0.0, values)
 
 
-def _mean(values: Array) -> float:
-    """``np.mean``, at a fifth of its cost for a window."""
-    return float(np.add.reduce(values) / len(values))
-
-
 class WindowMotion:
     """How a machine moves, window by window."""
 
@@ -76,20 +71,22 @@ class WindowMotion:
         self._speed: float | None = None
         self._change: float | None = None
 
-    def step(self, direction: Array, load: Array, speed: Array) -> Array:
-        """Of the scans of the next window; in the order of ``MOTIONS``.
+    def steps(self, direction: Array, load: Array, speed: Array) -> Array:
+        """Of the scans of the next windows, each of shape (windows, scans); by ``MOTIONS``.
 
         1 with a reversal or a standstill; squares of the mean load and speed, of the change of the
         speed over the window and of the change of that from the window before.
         """
-        load, speed = zeroed(load), zeroed(speed)
-        before = float(speed[0]) if self._speed is None else self._speed
-        self._speed = float(speed[-1])
-        change = self._speed - before
-        jerk = change - (change if self._change is None else self._change)
-        self._change = change
-        way, load_mean, speed_mean = map(_mean, (zeroed(direction), load, speed))
-        return np.square([float(abs(way) < TURNS), load_mean, speed_mean, change, jerk])
+        if not len(speed):
+            return np.empty((0, len(MOTIONS)))
+        direction, load, speed = map(zeroed, (direction, load, speed))
+        last = speed[:, -1]
+        change = np.diff(last, prepend=speed[0, 0] if self._speed is None else self._speed)
+        jerk = np.diff(change, prepend=change[0] if self._change is None else self._change)
+        self._speed, self._change = float(last[-1]), float(change[-1])
+        way, loads, speeds = (each.mean(axis=1) for each in (direction, load, speed))
+        turning = (np.abs(way) < TURNS).astype(np.float64)
+        return np.asarray(np.square(np.column_stack((turning, loads, speeds, change, jerk))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,10 +250,8 @@ def windows_of(
     share = known / np.maximum(found, 1)[:, None]
     means = (np.nan_to_num(values) * share).sum(axis=1)
     means[2 * found <= scans] = np.nan
-    moves, form = WindowMotion(), (count, scans)
-    every = (each[: count * scans].reshape(form) for each in motion)
-    rows = [moves.step(*window) for window in zip(*every, strict=True)]
-    moved = np.array(rows).reshape(count, len(MOTIONS))
+    every = (each[: count * scans].reshape(count, scans) for each in motion)
+    moved = WindowMotion().steps(*every)
     return RunWindows(name, unit, means, np.einsum("tnr,tnrs->trs", share, signals), moved)
 
 

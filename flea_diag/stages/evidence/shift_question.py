@@ -56,10 +56,15 @@ class ShiftQuestion:
         """Whether the answer is final."""
         self.answer = self._told(windows)
 
+    @property
+    def is_asked(self) -> bool:
+        """Whether windows to come may change the answer."""
+        return not self._settled and self.answer is not ShiftAnswer.OTHER_UNIT
+
     def add(self, window: LawWindow) -> bool:
         """Take one more window; whether the answer is another one now."""
         before = self.answer
-        if self._settled or before is ShiftAnswer.OTHER_UNIT:
+        if not self.is_asked:
             return False
         self._asked += 1
         answer = self._told((window,)) if self._found is None else self._kept(self._found, window)

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
+from flea_diag.core.evidence.stream_windows import LawScans, LawWindow, LawWindowMeans
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.run_law.run_windows import PLACE
 from flea_diag.wire.blocks import ResidualBlock
@@ -57,23 +57,38 @@ class StreamColumns:
         self._acting, self._slow, self._stop = acting, slow, stop
         self._travel = travel
         self._means: LawWindowMeans | None = None
-        self._places: list[int] = []
 
     def add(self, block: ResidualBlock) -> Iterator[tuple[int, LawWindow]]:
         """Windows that these residuals complete, each with the number of its last scan."""
-        if self._means is None:
-            names = block.regressor_names
-            self._places = [block.names.index(name) for name in self._relations]
-            self._means = LawWindowMeans(
-                self._relations, self._signals, names, self._motion, self._acting, self._travel,
-                self._period_s, self._scans,
-            )  # fmt: skip
-        values = block.values[:, self._places]
+        scans = self.scans(block)
+        return self._of(block).add(scans)
+
+    def together(self, block: ResidualBlock) -> tuple[int, LawWindow]:
+        """The same for all of them: number of the last scan of the first, and windows."""
+        scans = self.scans(block)
+        return self._of(block).together(scans)
+
+    def scans(self, block: ResidualBlock) -> LawScans:
+        """What windows are made of."""
+        names = block.regressor_names
+        values = block.values[:, [block.names.index(name) for name in self._relations]]
         resting = block.regressors[:, -1] <= 0.5
-        pushed = self._stop.near(block.regressors[:, block.regressor_names.index(PLACE)])
+        pushed = self._stop.near(block.regressors[:, names.index(PLACE)])
         void = (resting[:, None] & self._gated) | (pushed[:, None] & self._pushed)
         values = np.where(void, np.nan, values)
-        return self._means.add(values, block.regressors, ~resting & self._stand(block))
+        return LawScans(values, block.regressors, ~resting & self._stand(block))
+
+    def means(self, names: tuple[str, ...]) -> LawWindowMeans:
+        """What makes windows of tables of these regressors."""
+        return LawWindowMeans(
+            self._relations, self._signals, names, self._motion, self._acting, self._travel,
+            self._period_s, self._scans,
+        )  # fmt: skip
+
+    def _of(self, block: ResidualBlock) -> LawWindowMeans:
+        if self._means is None:
+            self._means = self.means(block.regressor_names)
+        return self._means
 
     def _stand(self, block: ResidualBlock) -> Flags:
         """By either of two readings: which way its friction acts is known where both move."""

@@ -23,13 +23,13 @@ anything else opens the episode, at the latest when the law has seen as much as 
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.evidence.kept_scans import KeptScans
+from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.run_law.run_windows import WINDOW_S
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
@@ -72,7 +72,9 @@ class UnitChain(ObserverChain):
         self._waiting: list[ResidualBlock] = []
         self._waits = self._in_window = 0
         """Scans that wait, and those of the present window that have been taken before them."""
-        self._windows: deque[LawWindow] = deque(maxlen=round(KEPT_S / WINDOW_S))
+        self._kept: KeptScans | None = None
+        self._means: LawWindowMeans | None = None
+        """Makes windows while the question is asked."""
         self._question: ShiftQuestion | None = None
         """Of a shift that has not opened an episode yet, or of the one that opened it."""
 
@@ -86,7 +88,7 @@ class UnitChain(ObserverChain):
         """Records of the detection that one scan causes."""
         self._add(block, output)
         if self._question is None and not self.episode.is_open and self._shifts(output):
-            self._question = ShiftQuestion(self._k.stream(), self._windows)
+            self._question = self._asked()
         if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):
             return ()
         caused = super().detect(block, output)
@@ -109,12 +111,33 @@ class UnitChain(ObserverChain):
             return answered
         joined, self._waiting, self._waits = ResidualBlock.joined(self._waiting), [], 0
         self._in_window = count % self._k.scans
-        for number, window in self._columns.add(placed_along(joined, self._position)):
-            kept = replace(window, values=np.where(self._slow, np.nan, window.values))
-            self._windows.append(kept)
-            if self._question is not None and self._question.add(kept):
-                answered = min(answered, number - before)
+        placed = placed_along(joined, self._position)
+        if self._kept is None:
+            means = self._columns.means(placed.regressor_names)
+            self._kept = KeptScans(means, self._k.scans, round(KEPT_S / WINDOW_S))
+        scans = self._columns.scans(placed)
+        self._kept.add(scans)
+        question = self._question
+        if question is None or not question.is_asked:
+            self._means = None
+        elif self._means is not None:
+            for number, window in self._means.add(scans):
+                if question.add(self._changing(window)):
+                    answered = min(answered, number - before)
         return answered
+
+    def _asked(self) -> ShiftQuestion:
+        """Of the windows up to now."""
+        if self._kept is None:
+            return ShiftQuestion(self._k.stream(), ())
+        self._means, windows = self._kept.windows()
+        count = len(windows.values)
+        every = (self._changing(windows.part(k)) for k in range(count))
+        return ShiftQuestion(self._k.stream(), every)
+
+    def _changing(self, window: LawWindow) -> LawWindow:
+        """A window without what keeps no change."""
+        return replace(window, values=np.where(self._slow, np.nan, window.values))
 
     def _shifts(self, output: StreamOutput) -> bool:
         """Whether something deviates, and all that does has left its own earlier level."""

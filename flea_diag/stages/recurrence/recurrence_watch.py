@@ -43,7 +43,7 @@ from flea_diag.core.recurrence.recurring import (
     recurring,
 )
 from flea_diag.core.recurrence.stream_rows import StreamRows
-from flea_diag.core.recurrence.watched_windows import WatchedWindows
+from flea_diag.core.recurrence.watched_windows import WatchedWindow, WatchedWindows
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S, zeroed
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
@@ -64,8 +64,8 @@ SHARE = 0.15
 class WindowSource(Protocol):
     """Makes windows of the law out of residuals."""
 
-    def add(self, block: ResidualBlock) -> Iterator[tuple[int, LawWindow]]:
-        """Windows that these residuals complete, each with the number of its last scan."""
+    def together(self, block: ResidualBlock) -> tuple[int, LawWindow]:
+        """Windows that these residuals complete; number of the last scan of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,18 +130,20 @@ class RecurrenceWatch:
         self._in_window = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
+        self._jump: Array | None = None
+        """By how much each reading has jumped so far in a window that has begun; None: none has."""
         self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
         self.rearm()
 
     def rearm(self) -> None:
         """What was found is over."""
-        self._history = WatchedWindows()
+        k = self._k
+        self._history = WatchedWindows(k.hypotheses, np.array(k.fast), k.load, KEPT_WINDOWS)
         self._quiet, self._due = 0, False
         self._before: Recurrence | None = None
         """What fell out of the history."""
         self._latest: RecurringFault | None = None
         self._told_last: Recurrence | None = None
-        self._jump: Array | None = None
 
     def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
@@ -176,46 +178,47 @@ class RecurrenceWatch:
         k = self._k
         self._last_ns = int(block.stamps_ns[-1])
         placed = placed_along(block, k.position)
-        jumps = [n for n, name in enumerate(block.regressor_names) if name.startswith("jump_")]
-        begun = 0
-        for number, window in self._columns.add(placed):
-            self._leap(block.regressors[begun : number + 1, jumps])
-            begun = number + 1
-            if offsets != self._offsets:
-                self._offsets = offsets
-                self._rows.forget()
-            place = float(placed.regressors[number, placed.regressor_names.index(PLACE)])
-            found = self._window(int(block.stamps_ns[number]), window, place)
-            if found is not None:
-                yield number + 1, found
-        self._leap(block.regressors[begun:, jumps])
+        end, windows = self._columns.together(placed)
+        ends = np.arange(end, len(block), k.scans)
+        jumps = self._leaps(block, ends)
         self._in_window = (self._in_window + len(block)) % k.scans
+        if not len(ends):
+            return
+        if offsets != self._offsets:
+            self._offsets = offsets
+            self._rows.forget()
+        places, begun = placed.regressors[ends, placed.regressor_names.index(PLACE)], 0
+        for rows in self._rows.add(windows):
+            far = rows.farthest
+            for number in range(begun, begun + len(far)):
+                found = None
+                if len(self._history) or far[number - begun] > FAR:
+                    stamp_ns, row = int(block.stamps_ns[ends[number]]), rows.one(number - begun)
+                    window = WatchedWindow(stamp_ns, row, jumps[number], float(places[number]))
+                    found = self._window(window, float(far[number - begun]))
+                if found is not None:
+                    yield int(ends[number]) + 1, found
+            begun += len(far)
 
-    def _leap(self, jumps: Array) -> None:
-        """By how much each reading has jumped so far in this window."""
-        if len(jumps):
-            most = np.abs(zeroed(jumps)).max(axis=0)
-            self._jump = most if self._jump is None else np.maximum(self._jump, most)
+    def _leaps(self, block: ResidualBlock, ends: npt.NDArray[np.int64]) -> Array:
+        """By how much each reading jumps in each window at most, shape (windows, readings)."""
+        columns = [n for n, name in enumerate(block.regressor_names) if name.startswith("jump_")]
+        sizes = np.abs(zeroed(block.regressors[:, columns]))
+        begins = [0, *(ends + 1).tolist()]
+        if begins[-1] == len(sizes):
+            begins.pop()
+        most = np.maximum.reduceat(sizes, begins, axis=0)
+        if self._jump is not None:
+            most[0] = np.maximum(most[0], self._jump)
+        self._jump = most[-1] if len(begins) > len(ends) else None
+        return np.asarray(most[: len(ends)])
 
-    def _window(self, end_ns: int, window: LawWindow, place: float) -> ComesAndGoes | None:
-        """Take one window."""
-        k = self._k
-        assert self._jump is not None, "a window has scans"
-        jump, self._jump = self._jump, None
+    def _window(self, window: WatchedWindow, farthest: float) -> ComesAndGoes | None:
+        """Take one window that is kept."""
         kept = self._history
-        row = self._rows.step(window, keeps=bool(len(kept)))
-        if row is None:
-            return None
-        kept.ends_ns.append(end_ns)
-        kept.errors.append(row.errors)
-        kept.faults.append(row.faults)
-        kept.units.append(row.unit)
-        load = float(np.sign(np.median(window.read[:, k.load])))
-        kept.ways.append((float(k.hypotheses.friction.way(window)), load))
-        kept.jumps.append(jump)
-        kept.places.append(place)
-        self._quiet = self._quiet + 1 if row.farthest <= NEAR else 0
-        self._due |= row.farthest > (FAR if self._told_last is None else SHOWS)
+        kept.add(window)
+        self._quiet = self._quiet + 1 if farthest <= NEAR else 0
+        self._due |= farthest > (FAR if self._told_last is None else SHOWS)
         found = None
         if self._due and self._quiet >= OVER_WINDOWS:
             self._due = False
@@ -227,8 +230,7 @@ class RecurrenceWatch:
     def _trim(self) -> ComesAndGoes | None:
         """Forget the older half, but for how often something came in it; whether it is over."""
         kept, cut, found, told = self._history, KEPT_WINDOWS // 2, self._latest, self._told_last
-        late = np.array(kept.errors[cut:])
-        if not bursts(np.abs(late).max(axis=1)):
+        if not bursts(kept.part().far[cut:]):
             self.rearm()
             return None if told is None else ComesAndGoes({}, told)
         if found is not None and told is not None:
@@ -241,10 +243,9 @@ class RecurrenceWatch:
     def _weighed(self) -> ComesAndGoes | None:
         """What comes and goes in the windows that are kept; None where nothing does."""
         k = self._k
-        signatures = k.hypotheses.signatures
-        part = self._history.part(signatures.shape)
         readings = [number for _, number in k.faults]
-        every = recurring(part, signatures.prior, np.array(k.usable), readings)
+        prior = k.hypotheses.signatures.prior
+        every = recurring(self._history.part(), prior, np.array(k.usable), readings)
         if not every:
             return None
         limit = max(self._drop_nats, SHARE * every[0].nats)
@@ -273,8 +274,8 @@ class RecurrenceWatch:
         if not len(came):
             return before
         delay_ns = round((0.5 * WINDOW_S + k.delay_s) * 1e9)
-        times_ns = [kept.ends_ns[place] - delay_ns for place in came]
-        places = np.array(kept.places[: len(found.states)])
+        times_ns = [kept.end_ns(place) - delay_ns for place in came]
+        places = kept.places(len(found.states))
         windows_s = float((found.states > 0).sum()) * WINDOW_S
         # Smoothing lengthens each burst by as much as a kernel.
         present_s = max(windows_s - 2.0 * k.delay_s * len(came), 0.0)

@@ -186,13 +186,13 @@ def test_how_a_machine_moves_is_told_from_window_to_window():
     speed = np.repeat([0.0, 0.0, 2.0, 3.0], 5)
     direction = np.repeat([0.0, 0.0, 1.0, 1.0], 5)
     load = np.repeat([0.0, 7.0, 0.0, 0.0], 5)
-    scans = zip(*(each.reshape(4, 5) for each in (direction, load, speed)), strict=True)
+    scans = [each.reshape(4, 5) for each in (direction, load, speed)]
+    told = [[1, 0, 0, 0, 0], [1, 49, 0, 0, 0], [0, 0, 4, 4, 4], [0, 0, 9, 1, 1]]
+    np.testing.assert_array_equal(WindowMotion().steps(*scans), told)
     moves = WindowMotion()
-    np.testing.assert_array_equal(
-        [moves.step(*window) for window in scans],
-        [[1, 0, 0, 0, 0], [1, 49, 0, 0, 0], [0, 0, 4, 4, 4], [0, 0, 9, 1, 1]],
-    )
-    assert np.isfinite(WindowMotion().step(*np.full((3, 5), np.nan))).all()
+    one_by_one = [moves.steps(*(each[k : k + 1] for each in scans)) for k in range(4)]
+    np.testing.assert_array_equal(np.concatenate(one_by_one), told)
+    assert np.isfinite(WindowMotion().steps(*np.full((3, 2, 5), np.nan))).all()
 
 
 def test_a_balance_of_power_holds_a_push_that_no_channel_reads():
