@@ -155,9 +155,9 @@ PAGES = (
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
-        ("speed", "replay", "python", "strips", "scan", "observer", "features", "feature_families",
-         "feature_costs", "filters", "chain", "processes", "path", "fleet", "fleet_32",
-         "fleet_vibration", "fleet_verdict", "bridge"),
+        ("speed", "replay", "replay_pairs", "python", "strips", "scan", "observer", "features",
+         "feature_families", "feature_costs", "filters", "chain", "processes", "path", "fleet",
+         "fleet_32", "fleet_vibration", "fleet_verdict", "bridge"),
     ),
     ResultPage(
         "recordings",
