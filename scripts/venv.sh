@@ -63,19 +63,28 @@ sources_sum() {
 # Leftovers of an earlier build would be installed too, including deleted modules.
 forget_build() { rm -rf "$root/build/lib" "$root"/build/bdist.*; }
 
+# Whether some installation of the dependencies that are $wanted had all of these extras.
+has_extras() {
+    for stamp in "$venv"/.dependencies-*; do
+        [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ] || continue
+        missing=$(printf '%s' "$1" | tr , '\n' | grep -vxF "$(printf '%s' "${stamp##*.dependencies-}" | tr , '\n')")
+        [ -z "$missing" ] && return
+    done
+    return 1
+}
+
 # $1: extras, e.g. numba or numba,test. A plain install: an editable one leaves out the data
 # files by which ros2 and the nodes find each other. Both steps do nothing when nothing changed.
 install() {
     make_venv
-    stamp=$venv/.dependencies-$1
     wanted=$(cd "$root" && sum_of constraints.txt setup.py)
-    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    if ! has_extras "$1"; then
         say "installing ROS 2, flea_diag and the other dependencies [$1] into .venv (a few minutes)"
         pip_install setuptools
         forget_build
         installed=$(sources_sum)
         pip_install "$root[$1]"
-        printf '%s' "$wanted" >"$stamp"
+        printf '%s' "$wanted" >"$venv/.dependencies-$1"
         printf '%s' "$installed" >"$venv/.sources"
     fi
     wanted=$(sources_sum)

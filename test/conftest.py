@@ -20,10 +20,14 @@ import fcntl
 import os
 import re
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Event
 from typing import Any, NoReturn
 
 import hypothesis
@@ -168,6 +172,45 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     config.option.loadscopereorder = False  # the order is that of the collection
     return ByFile(config, log)
+
+
+COLD, READS_FIRST, READ_LIMIT_S = "NOTHING_IS_COMPILED", "gw0", 180.0
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Where nothing is compiled yet: what numba compiles begins beside the reading of tests."""
+    is_cold = not any(HERE.glob("**/test_*-pytest-*.pyc")) and not sys.dont_write_bytecode
+    if "PYTEST_XDIST_WORKER" in os.environ or not is_cold or find_spec("xdist") is None:
+        return
+    os.environ[COLD] = "1"
+    is_whole = session.config.args_source is session.config.ArgsSource.TESTPATHS
+    if is_whole and find_spec("numba") and (kept := getattr(session.config, "cache", None)):
+        more = {"FLEA_CACHE_DIR": str(kept.mkdir("flea_diag")), "PYTHONPATH": str(ROOT)}
+        command = [sys.executable, "-m", "flea_diag.tools.main", "warm-up"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        compiling = subprocess.Popen(command, env={**os.environ, **more}, **quiet)
+        session.config.add_cleanup(compiling.wait)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
+    """There one worker reads all files of tests first: it compiles them, and the others need not.
+
+    That takes 15 s of a processor, and as long again for each that does it at the same time.
+    """
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker is None or COLD not in os.environ:
+        return (yield)
+    read = Path(session.config.option.basetemp).parent / "read"
+    if worker == READS_FIRST:
+        try:
+            return (yield)
+        finally:
+            read.touch()
+    end, never = time.monotonic() + READ_LIMIT_S, Event()
+    while not read.exists() and time.monotonic() < end:
+        never.wait(0.1)
+    return (yield)
 
 
 SHARED = "SHARED_BY_WORKERS"

@@ -19,17 +19,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import Annotated
 
+from flea_diag.configuration.channel_rows import (
+    AccelerometerRow,
+    ChannelRow,
+    ChannelsFile,
+    PlaceTerm,
+    TimeColumn,
+)
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.stand import STAND_FILE, Stand
 from flea_diag.core.symbolic.converted_unit import conversion_to
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
-from flea_diag.fields.values import AboveZero, one_of, within
 from flea_diag.formats import migrated
 from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import (
@@ -37,8 +41,6 @@ from flea_diag.wire.sources.mapping import (
     DATENUM,
     DATENUM_OF_1970,
     FLEA_TEXT,
-    FORMATS,
-    RESAMPLINGS,
     AxisMapping,
     ChannelMapping,
     SourceMapping,
@@ -51,72 +53,6 @@ SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
 """Rates that scans may have."""
 MOST_TERMS = 200
 _ACCELEROMETER = re.compile(r"accelerometer_[1-9]\d?")
-
-
-@dataclass(frozen=True)
-class _SourcePlace:
-    """Where a reading is: a column of a table, or a field of a topic's messages."""
-
-    topic: str = ""
-    type: str = ""
-    field: str = ""
-    column: str = ""
-
-
-@dataclass(frozen=True)
-class _PlaceTerm(_SourcePlace):
-    sign: int = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class _ChannelRow(_PlaceTerm):
-    """One channel. Limits are in SI whatever the unit of the readings: a wrong unit shows."""
-
-    unit: str
-    range: tuple[float, float]
-    sum: tuple[_PlaceTerm, ...] = ()
-    scale: AboveZero = 1.0
-    offset: float = 0.0
-    rate_hz: Annotated[float, within(maximum=1e6, above=0.0)] = math.nan
-    resample: Annotated[str, one_of(*RESAMPLINGS)] = RESAMPLINGS[0]
-    age_s: float = math.nan
-    turn: Annotated[float, within(0.0, 1e9)] = 0.0
-    serial: str = ""
-    mount: str = ""
-    sampling: str = "mean"
-    note: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _AccelerometerRow:
-    """One accelerometer: the column or field of each axis; limits in m/s^2."""
-
-    axes: Mapping[str, str]
-    topic: str = ""
-    type: str = ""
-    unit: str
-    range: tuple[float, float]
-    rate_hz: Annotated[float, within(1.0, 1e6)]
-    serial: str = ""
-    mount: str = ""
-
-
-@dataclass(frozen=True)
-class _TimeColumn:
-    column: str
-    unit: str = "s"
-    start: str = ""
-
-
-@dataclass(frozen=True)
-class _ChannelsFile:
-    format: Annotated[str, one_of(*FORMATS)] = FORMATS[0]
-    rate_hz: float = math.nan
-    channels: Mapping[str, _ChannelRow] = field(default_factory=dict)
-    accelerometers: Mapping[str, _AccelerometerRow] = field(default_factory=dict)
-    time: _TimeColumn | None = None
-    split_by: tuple[str, ...] = ()
-    truth: Mapping[str, str] = field(default_factory=dict)
 
 
 def channel_sources(stand: Stand) -> SourceMapping:
@@ -134,7 +70,7 @@ def channel_sources(stand: Stand) -> SourceMapping:
         )
     where = str(stand.channels)
     known = read_as(
-        _ChannelsFile, migrated("channel mapping", load_yaml(stand.channels), where), where
+        ChannelsFile, migrated("channel mapping", load_yaml(stand.channels), where), where
     )
     if known.format == FLEA_TEXT:
         return SourceMapping(where, stand.name, FLEA_TEXT, 100.0, ())
@@ -168,7 +104,7 @@ def _units(stand: Stand) -> dict[str, str]:
 
 
 def _channel(
-    name: str, row: _ChannelRow, units: Mapping[str, str], rate_hz: float, where: str
+    name: str, row: ChannelRow, units: Mapping[str, str], rate_hz: float, where: str
 ) -> ChannelMapping:
     if name not in units:
         known = ", ".join(units)
@@ -208,7 +144,7 @@ def _channel(
     )
 
 
-def _axes(rows: Mapping[str, _AccelerometerRow], where: str) -> Iterator[AxisMapping]:
+def _axes(rows: Mapping[str, AccelerometerRow], where: str) -> Iterator[AxisMapping]:
     """Every axis of the accelerometers, all of one rate."""
     rates = sorted({row.rate_hz for row in rows.values()})
     if len(rates) > 1:
@@ -237,7 +173,7 @@ def _axes(rows: Mapping[str, _AccelerometerRow], where: str) -> Iterator[AxisMap
             )  # fmt: skip
 
 
-def _terms(row: _ChannelRow, where: str) -> tuple[SourceTerm, ...]:
+def _terms(row: ChannelRow, where: str) -> tuple[SourceTerm, ...]:
     """The sum of a channel, or its one place."""
     if not row.sum:
         return (_term(row, 1.0, where),)
@@ -250,7 +186,7 @@ def _terms(row: _ChannelRow, where: str) -> tuple[SourceTerm, ...]:
     return tuple(made)
 
 
-def _term(row: _PlaceTerm, weight: float, where: str) -> SourceTerm:
+def _term(row: PlaceTerm, weight: float, where: str) -> SourceTerm:
     column, topic = row.column, row.topic
     if bool(column) == bool(topic):
         raise ConfigurationError(
@@ -293,7 +229,7 @@ def _rate(value: float, where: str) -> float:
     return value
 
 
-def _time(known: _TimeColumn | None, where: str) -> TableTime:
+def _time(known: TimeColumn | None, where: str) -> TableTime:
     if known is None:
         return TableTime(start_ns=_START_NS)
     if known.unit == DATENUM:

@@ -32,9 +32,10 @@ from flea_diag.core.bond_graph.actuator_model import (
     Sensor,
 )
 from flea_diag.core.bond_graph.base_parameters import base_parameters
-from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
+from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
+from flea_diag.core.bond_graph.graph_building import bond_graph
 from flea_diag.core.bond_graph.modes import modes
 from flea_diag.core.bond_graph.supplies import supplies
 from flea_diag.core.bond_graph.tolerance import free_per_run, tolerances

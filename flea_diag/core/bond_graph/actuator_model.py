@@ -22,7 +22,7 @@ from functools import cached_property
 from typing import Annotated
 
 from flea_diag.core.bond_graph.base_parameters import unit_of
-from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, bond_graph
+from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph
 from flea_diag.core.bond_graph.causal_relation import (
     Relation,
     causal_relations,
@@ -31,6 +31,7 @@ from flea_diag.core.bond_graph.causal_relation import (
     with_measured,
 )
 from flea_diag.core.bond_graph.causality import Causality, require_sound
+from flea_diag.core.bond_graph.graph_building import bond_graph
 from flea_diag.core.bond_graph.modes import MachineMode
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
 from flea_diag.core.bond_graph.supplies import Supply

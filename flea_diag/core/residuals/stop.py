@@ -30,7 +30,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.bond_graph.actuator_model import Actuator
-from flea_diag.core.bond_graph.bond_graph import Element, bond_graph
+from flea_diag.core.bond_graph.bond_graph import Element
+from flea_diag.core.bond_graph.graph_building import bond_graph
 from flea_diag.core.bond_graph.travel import WITHIN
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation

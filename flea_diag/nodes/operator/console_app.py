@@ -20,7 +20,7 @@ from collections.abc import Callable
 from functools import partial
 
 from rich.text import Text
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
 from textual.screen import Screen
@@ -29,8 +29,8 @@ from textual.widgets import Footer, OptionList, Static
 from flea_diag.errors import visible
 from flea_diag.nodes.operator.console_bell import Bell
 from flea_diag.nodes.operator.console_question import Ask
+from flea_diag.nodes.operator.console_screen_app import ScreenApp
 from flea_diag.nodes.operator.console_text import (
-    CSS,
     STYLES,
     fill,
     highlighted,
@@ -303,28 +303,6 @@ class ConsoleScreen(Screen[None]):
 
     def _tell(self, text: str) -> None:
         self._said = text
-
-
-class ScreenApp(App[None]):
-    """A Textual application with one main screen, on top of which others open.
-
-    Parameters
-    ----------
-    make
-        Makes the main screen.
-    """
-
-    CSS = CSS
-    TITLE = "flea_diag"
-    ENABLE_COMMAND_PALETTE = False
-
-    def __init__(self, make: Callable[[], Screen[None]]) -> None:
-        super().__init__()
-        self._make = make
-
-    def get_default_screen(self) -> Screen[None]:
-        """The main screen."""
-        return self._make()
 
 
 class ConsoleApp(ScreenApp):

@@ -24,8 +24,9 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Footer, OptionList, Static
 
-from flea_diag.nodes.operator.console_app import REDRAW_S, ConsoleScreen, ScreenApp
+from flea_diag.nodes.operator.console_app import REDRAW_S, ConsoleScreen
 from flea_diag.nodes.operator.console_bell import Bell
+from flea_diag.nodes.operator.console_screen_app import ScreenApp
 from flea_diag.nodes.operator.console_text import fill, highlighted, in_words, plain
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.nodes.operator.hall import Hall

@@ -21,9 +21,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flea_diag.core.bond_graph.bond_graph import BondGraph, Element, Parameter, bond_graph
+from flea_diag.core.bond_graph.bond_graph import BondGraph, Element, Parameter
 from flea_diag.core.bond_graph.causal_relation import solve
 from flea_diag.core.bond_graph.causality import require_sound
+from flea_diag.core.bond_graph.graph_building import bond_graph
 from flea_diag.core.bond_graph.state_space import state_space
 from flea_diag.core.drawing.picture import bond_graph_dot
 from flea_diag.errors import ModelError

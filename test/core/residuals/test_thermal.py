@@ -130,6 +130,7 @@ def test_a_moment_of_unknown_heat_leaves_a_store_judged():
     assert all(judged(made, 1000, 0.0, frozen=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frozen", [True, False])
 @pytest.mark.parametrize(("before", "level"), [(0.01, MOST), (0.15, 0.15), (-0.15, 0.15)])
 def test_unknown_heat_leaves_a_store_unjudged_until_it_has_faded(frozen, before, level):

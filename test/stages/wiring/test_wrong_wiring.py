@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every channel wired wrong in every way on a healthy simulated machine: it is named.
+"""Every channel wired wrong on a healthy simulated machine, and each way of it: it is named.
 
 A wrong wiring that differs by less than the limits of the tests shows nowhere: that is NOMINAL.
+Each channel is wired in two ways of six in turn, in all of them where all examples are asked for.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from collections.abc import Iterator
 from functools import partial
 
 import pytest
+from support import examples
 from support.graph.wrong_wiring import Wiring, cut_off, late, scaled, swapped
 
 from flea_diag.configuration.component import make_pipeline
@@ -66,15 +68,22 @@ def run_of(machine: str) -> list[Record]:
     return [record for record in stand if isinstance(record, (ChannelTable, Scan))]
 
 
+def of_channel(name: str, period_s: float) -> list[tuple[str, Wiring]]:
+    """The ways in which one channel can be wired wrong by itself."""
+    lags = ((1e3 * lag_s, round(lag_s / period_s)) for lag_s in LAGS_S)
+    return [
+        (f"{name}: its sign is turned", partial(scaled, name, -1.0)),
+        *((f"{name}: it reads", partial(scaled, name, factor)) for factor in FACTORS),
+        *((f"{name}: it comes {ms:.0f} ms late", partial(late, name, by)) for ms, by in lags),
+    ]
+
+
 def wirings(channels: list[str], period_s: float) -> Iterator[tuple[str, Wiring]]:
     """What is said of each wrong wiring, and what it does."""
-    for name in channels:
-        yield f"{name}: its sign is turned", partial(scaled, name, -1.0)
-        for factor in FACTORS:
-            yield f"{name}: it reads", partial(scaled, name, factor)
-        for lag_s in LAGS_S:
-            by = round(lag_s / period_s)
-            yield f"{name}: it comes {1e3 * lag_s:.0f} ms late", partial(late, name, by)
+    every = [of_channel(name, period_s) for name in channels]
+    step = len(every[0]) // examples(len(every[0]))
+    for number, ways in enumerate(every):
+        yield from ways[number % step :: step]
     yield "commanded_voltage: it is cut off", partial(cut_off, "commanded_voltage", 0.6)
     for one, other in TWINS:
         yield f"{one} and {other} are swapped", partial(swapped, one, other)
