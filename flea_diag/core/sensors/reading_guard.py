@@ -14,9 +14,11 @@
 
 """Jumps and held readings of one channel; affected readings are withheld.
 
-A reading that jumps by more than the sensor's nominal reach is withheld until it has stayed at
-the new level for ``HOLD_S``; one that goes on in that direction, faster than any nominal one,
-moves. A reading that repeats more often than chance allows is withheld while it repeats. A drop-out
+A position that jumps by more than its nominal reach is withheld until it has stayed at the new
+level for ``HOLD_S``: no machine makes it jump. One that goes on in that direction, faster than any
+nominal one, moves. Any other quantity a machine may well make jump, as an opening does a current:
+of these the first reading alone is withheld, for it may be an outlier. A reading that repeats more
+often than chance allows is withheld while it repeats. A drop-out
 thus reaches no derivative and no mean.
 """
 
@@ -31,7 +33,7 @@ from flea_diag.core.sensors.rest_watch import STUCK_S
 from flea_diag.core.sensors.sensor_limits import DROPOUT_S, REACH_GUARD, SensorLimit
 
 HOLD_S = 0.1
-"""Time after which a reading that jumped is accepted as the new level."""
+"""Time after which a position that jumped is accepted at the new level."""
 LEAST_HELD = 2
 """Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
 jumps. A reading that does not jump is one after as many repeats as chance allows."""
@@ -71,6 +73,11 @@ class ReadingGuard:
         return bool(self.run or self._away or self.events or self._calm)
 
     @property
+    def outlying(self) -> bool:
+        """Whether it has just jumped and may go back; not of a position."""
+        return self._away == 1 and self._limit.step == 0.0
+
+    @property
     def disturbed(self) -> bool:
         """Whether a jump lies within the window of the step test."""
         return self._calm > 0 or self._away > 0
@@ -94,7 +101,8 @@ class ReadingGuard:
             self.events.popleft()
         leapt = self._leap(scan, value - self._last, gap * self._limit.reach)
         held = self._held(scan, value, at_end, rests)
-        return held or self._away > 0, leapt
+        jumps = self.outlying or (self._away > 0 and self._limit.step > 0.0)
+        return held or jumps, leapt
 
     def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
         least = self._limit.repeats

@@ -37,7 +37,7 @@ from flea_diag.core.sensors.own_readings import (
     train_steps,
     unusual,
 )
-from flea_diag.core.sensors.position_step import position_steps
+from flea_diag.core.sensors.position_step import SPAN, position_steps, step_of
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
 from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
 from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
@@ -78,10 +78,14 @@ class SensorTests:
     sensors : what is tested; its names are those of the columns of ``SensorTestResults.z``
     period_s : time between two rows
     counts : those that the limits hold for
+    turned : the position that the motor turns directly, and by how much in a scan for its speed
     """
 
     away: Flags | None = None
     """In which of the last rows the actuator had run away; None: in none."""
+    outlying: Flags | None = None
+    """Which of the last readings are withheld for they may be outliers; None: none. Those beside
+    such a one say what it should have been, as where one is lost."""
 
     def __init__(
         self,
@@ -92,6 +96,7 @@ class SensorTests:
         *,
         period_s: float,
         counts: ScanCounts,
+        turned: tuple[str, float] = ("", 0.0),
     ) -> None:
         names, self._sensors = sensors.names, sensors
         self._compiled = backends.chosen(backend) == "numba"
@@ -126,10 +131,11 @@ class SensorTests:
             for test in TESTS
         }
         self._prepare_steps(sensors)
-        step_of = {index: place for place, index in self._steps}
+        self._turned = self._turned_by(*turned)
+        steps = {index: place for place, index in self._steps}
         held = zip(*(self._places[test].tolist() for test in TESTS[1:]), strict=True)
         self._own = [
-            (column, *places, step_of.get(index))
+            (column, *places, steps.get(index))
             for index, (column, places) in enumerate(zip(self._columns.tolist(), held, strict=True))
         ]
         """Of each channel its column, those of its tests, and that of its steps, if any."""
@@ -151,6 +157,13 @@ class SensorTests:
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
+
+    def _turned_by(self, position: str, way: float) -> tuple[int, int, int, float] | None:
+        """Of the turned position the place of its test, its column, that of the speed, the way."""
+        for place, index in self._steps:
+            if self._names[index] == position and way and self._sensors.speed in self._names:
+                return place, index, self._names.index(self._sensors.speed), way
+        return None
 
     def _all_limits(self, count: int, period_s: float) -> Array:
         k = np.full(count, np.nan)
@@ -188,12 +201,14 @@ class SensorTests:
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired, self._step_places, self._sizes
-        self.withholds = False
+        self.withholds, self.outlying = False, None
         anywhere, lacks = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
         trains = self._readings.step(self._scan, recent, count, lacks)
         own = {group[0]: train for group, train in trains.items() if len(group) == 1}
         if trains:
             anywhere |= self._look_apart(trains, own, z, odd)
+        if self._turned is not None:
+            self._stand_beside_speed(recent, z, *self._turned)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
         self.away = void = self._rushes(recent, inside) if leaps else None
         self._recent = recent[count:]
@@ -207,6 +222,21 @@ class SensorTests:
             z[np.ix_(void, self._step_places)] = 0.0
         self._scan += count
         return SensorTestResults(usable, z, self.k)
+
+    def _stand_beside_speed(
+        self, recent: Array, z: Array, place: int, index: int, speed: int, way: float
+    ) -> None:
+        """Of a step beyond its limit what the motor has turned meanwhile is none.
+
+        An opening of two scans lets a load move it by more than any healthy motion.
+        """
+        for n in np.flatnonzero(np.abs(z[:, place]) > 1.0).tolist():
+            read = recent[n : n + 2 * SPAN]
+            apart = read[:, index] - way * np.cumsum(read[:, speed])
+            left = step_of(apart.tolist(), min, max) / self._limits[index].step
+            up = math.copysign(1.0, z[n, place])
+            if up * left < up * z[n, place]:
+                z[n, place] = up * max(up * left, 0.0)
 
     def _rushes(self, recent: Array, inside: Array) -> Flags:
         """In which scans steps are not judged, shape (n,); their noise is taken out of ``inside``.
@@ -319,10 +349,20 @@ class SensorTests:
             withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
             if withheld:
                 usable[scan, column], self.withholds = np.nan, True
+                self._may_be_outlier(guard, usable.shape, scan, column)
             self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
             if step is not None and guard.disturbed:
                 z[scan, step] = leapt / limit.step
             self._hold(index, slice(scan, places[n + 1] if n + 1 < len(places) else None), z)
+
+    def _may_be_outlier(
+        self, guard: ReadingGuard, shape: tuple[int, ...], scan: int, column: int
+    ) -> None:
+        """Note a withheld reading that is neither held nor a position's."""
+        if guard.outlying and not guard.run:
+            if self.outlying is None:
+                self.outlying = np.zeros(shape, dtype=bool)
+            self.outlying[scan, column] = True
 
     def _hold(self, index: int, scans: slice, z: Array) -> None:
         """What has been counted stands until the next reading."""

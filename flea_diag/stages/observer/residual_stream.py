@@ -218,6 +218,8 @@ class ResidualStream:
         if self._sensors.withholds or given is not raw:
             self._voltage.withhold(given, rows)
             refused = np.isnan(rows) & ~np.isnan(raw)
+            if self._sensors.outlying is not None:
+                refused &= ~self._sensors.outlying
         output = self._follow(stamps_ns, rows, sensors, frozen, refused)
         if self._loses:
             self._count_lost(np.zeros(len(rows), dtype=bool))

@@ -45,6 +45,7 @@ class SensorValidation:
             backend,
             period_s=c.period_s,
             counts=c.counts,
+            turned=(known.position, c.parameters.encoder_m_per_rad * c.period_s),
         )
         self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
@@ -74,8 +75,15 @@ class SensorValidation:
     @property
     def away(self) -> Flags | None:
         """In which of the last scans the actuator had run away; None: in none."""
-        away = self._tests.away
-        return away if away is None or self._places is None else away[self._places]
+        return self._of_these(self._tests.away)
+
+    @property
+    def outlying(self) -> Flags | None:
+        """Which of the last readings are withheld for they may be outliers; None: none."""
+        return self._of_these(self._tests.outlying)
+
+    def _of_these(self, flags: Flags | None) -> Flags | None:
+        return flags if flags is None or self._places is None else flags[self._places]
 
     def step(self, before_ns: int, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
         """Usable readings, shape (n, channels), and test statistics, shape (n, sensor tests).

@@ -29,6 +29,7 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.sensors.noise_test import WARM_UP_SCANS, NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.sensor_limits import SensorLimit, noise_logs, sensor_limits
+from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.core.sensors.sensor_tests import SensorTests
 from flea_diag.errors import ConfigurationError
 from flea_diag.fields.reader import read_as
@@ -449,3 +450,44 @@ def test_it_runs_away_though_another_position_is_held(limits):
         rows[:, [1, -1]] = way
         tests.step(rows)
         assert (tests.away is not None and tests.away.any()) == runs
+
+
+def test_an_outlier_of_a_current_is_withheld_as_if_it_were_lost(limits):
+    rows = healthy(22)
+    rows[1500, 0] += 10.0
+    tests = SensorTests(limits, CHANNELS, FLEA, period_s=0.01, counts=FLEA_COUNTS)
+    for first in range(0, 1450, 50):
+        tests.step(rows[first : first + 50])
+        assert tests.outlying is None
+    tests.step(rows[1450:1500])
+    usable = tests.step(rows[1500:1550]).usable
+    assert np.argwhere(np.isnan(usable)).tolist() == [[0, 0]]
+    assert np.argwhere(tests.outlying).tolist() == [[0, 0]]
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_a_way_that_the_motor_has_turned_is_no_step_of_a_position(turns):
+    """Faster than any healthy motion for two scans, as where a load drives an open motor."""
+    fine = {"actuator_position": 1e-6, "motor_speed": 0.5}
+    sensors = SensorSet(fine, {"actuator_position": 1e-4}, "motor_speed")
+    draw, way = np.random.default_rng(23), 1e-5
+    speed = 50.0 * np.sin(2.0 * np.pi * 0.5 * TIME)
+    limits = (
+        SensorLimit("actuator_position", -13.0, -11.0, 1.0, 0, 1e-2, 1e-4, 5.0),
+        SensorLimit("motor_speed", -2.0, 0.0, 1.0, 0, 500.0, 0.0, 5.0),
+    )
+    speed[1500:1501] += 60.0
+    position = way * np.cumsum(speed) + 1e-6 * draw.standard_normal(SCANS)
+    if not turns:
+        position[1500:] += 1e-3
+    rows = np.stack((position, speed + 0.1 * draw.standard_normal(SCANS)), axis=1)
+    tests = SensorTests(
+        limits,
+        tuple(fine),
+        sensors,
+        period_s=0.01,
+        counts=FLEA_COUNTS,
+        turned=("actuator_position", way),
+    )
+    steps = tests.step(rows).z[:, sensors.names.index("actuator_position")]
+    assert bool(np.nanmax(np.abs(steps)) > 1.0) is not turns

@@ -69,11 +69,26 @@ def test_a_largest_step_that_happens_to_be_small_is_not_the_limit_of_noise() -> 
 
 
 @pytest.mark.parametrize("period_s", [0.01, 0.005, 0.02])
-def test_a_jump_is_accepted_after_a_tenth_of_a_second_at_any_rate(period_s: float) -> None:
-    limit = SensorLimit("motor_current", 0.0, 1.0, 1.0, 0, 0.5, 0.0, 5.0)
+def test_a_position_that_jumps_is_accepted_after_a_tenth_of_a_second_at_any_rate(
+    period_s: float,
+) -> None:
+    limit = SensorLimit("actuator_position", 0.0, 1.0, 1.0, 0, 0.5, 0.3, 5.0)
     guard = ReadingGuard(limit, period_s)
     withheld = sum(guard.take(scan, float(scan > 5), False)[0] for scan in range(200))
     assert withheld * period_s == pytest.approx(0.1, abs=period_s)
+
+
+@pytest.mark.parametrize("stays", [1, 40])
+def test_of_a_current_that_jumps_the_first_reading_alone_may_be_an_outlier(stays: int) -> None:
+    """A machine may make it jump, as an opening does."""
+    guard = ReadingGuard(SensorLimit("motor_current", 0.0, 1.0, 1.0, 0, 0.5, 0.0, 5.0), 0.01)
+    told = []
+    for scan in range(100):
+        withheld, _ = guard.take(scan, float(5 < scan <= 5 + stays), False)
+        assert withheld == guard.outlying
+        told.append(withheld)
+    back = [46] if stays > 1 else []
+    assert np.flatnonzero(told).tolist() == [6, *back]
 
 
 @pytest.mark.parametrize("period_s", [0.01, 0.005, 0.02])
