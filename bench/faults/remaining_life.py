@@ -53,7 +53,7 @@ from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
 from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
 from flea_diag.core.prognosis.trend import trend
-from flea_diag.stages.sizes.fault_sizes import FaultSizes
+from flea_diag.stages.sizes.all_sizes import AllSizes
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay.replay import diagnosed
 from flea_diag.wire.records import Truth
@@ -141,7 +141,7 @@ class Unit:
         self.wear, self._draw = wear, draw
         self._machine, self._stand = find_machine(wear.machine), load_stand(wear.machine)
         known = knowledge(self._stand, learned(self._stand))
-        self._sized = FaultSizes(known, wear.fault, self._stand.kinematics.orders())
+        self._sized = AllSizes(known, wear.fault, self._stand.kinematics.orders())
         self._same: dict[str, Any] = {
             "duration_s": RECORDED_S,
             "unit_seed": int(draw.integers(2**31)),

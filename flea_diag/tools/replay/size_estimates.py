@@ -27,7 +27,7 @@ from flea_diag.errors import RecordingError
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
     from flea_diag.core.likelihood.fit import SizeError
-    from flea_diag.stages.sizes.fault_sizes import FaultSizes
+    from flea_diag.stages.sizes.all_sizes import AllSizes
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable
 
 OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
@@ -106,7 +106,7 @@ def estimates(bag: Path, stand: Stand | None = None) -> list[Estimate]:
     return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
 
 
-def measured(bag: Path, stand: Stand, sizes: FaultSizes, fault: str) -> list[Estimate]:
+def measured(bag: Path, stand: Stand, sizes: AllSizes, fault: str) -> list[Estimate]:
     """Sizes of one fault by the whole of a bag, detected or not; none without enough motion.
 
     Raises

@@ -125,11 +125,11 @@ def _sizing(arguments: argparse.Namespace) -> Callable[[Path], list[Estimate]]:
         return lambda bag: estimates(bag, given)
     from flea_diag.configuration.calibrations import learned
     from flea_diag.configuration.knowledge import knowledge
-    from flea_diag.stages.sizes.fault_sizes import FaultSizes
+    from flea_diag.stages.sizes.all_sizes import AllSizes
 
     stand, fault = chosen_stand(arguments, "calibration"), arguments.fault
     known = knowledge(stand, learned(stand))
-    sizes = FaultSizes(known, fault, stand.kinematics.orders())
+    sizes = AllSizes(known, fault, stand.kinematics.orders())
 
     def sized(bag: Path) -> list[Estimate]:
         found = measured(bag, stand, sizes, fault)

@@ -28,7 +28,7 @@ from flea_diag.core.prognosis.forecast import forecast
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
 from flea_diag.core.prognosis.trend import trend
 from flea_diag.errors import ConfigurationError
-from flea_diag.stages.sizes.fault_sizes import FaultSizes
+from flea_diag.stages.sizes.all_sizes import AllSizes
 from flea_diag.stages.sizes.recording_sizes import RecordingSize
 from flea_diag.wire.records import Truth
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
@@ -38,12 +38,12 @@ STAND = load_stand("flea")
 NUT = "impacts at the nut line"
 
 
-def sizes_of(stand: Stand, fault: str) -> FaultSizes:
-    return FaultSizes(knowledge(stand, learned(stand)), fault, stand.kinematics.orders())
+def sizes_of(stand: Stand, fault: str) -> AllSizes:
+    return AllSizes(knowledge(stand, learned(stand)), fault, stand.kinematics.orders())
 
 
 def recorded(
-    sized: FaultSizes, pit: float, seed: int, vibration: bool = True, kind: str = "sine"
+    sized: AllSizes, pit: float, seed: int, vibration: bool = True, kind: str = "sine"
 ) -> dict[str, RecordingSize]:
     """Sizes of a pit in a recording of 15 s of one unit; without the observer, none of drags."""
     values = {

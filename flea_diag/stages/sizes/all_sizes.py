@@ -29,7 +29,7 @@ from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, Vibrati
 MOTION = (ChannelTable, Scan, ScanBlock, VibrationBlock)
 
 
-class FaultSizes:
+class AllSizes:
     """Takes records and residuals of one recording after the other; ``sizes`` of the last begun.
 
     Parameters
