@@ -53,11 +53,10 @@ from flea_diag.core.prognosis.growth_law import LAWS, GrowthLaw
 from flea_diag.core.prognosis.scores import Foretold, at_lambda, horizon_s
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new
 from flea_diag.core.prognosis.trend import trend
-from flea_diag.stages.sizes.recording_sizes import RecordingSizes
+from flea_diag.stages.sizes.all_sizes import AllSizes
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay.replay import diagnosed
-from flea_diag.wire.blocks import ResidualBlock
-from flea_diag.wire.records import Residual, Truth
+from flea_diag.wire.records import Truth
 from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.stand import SimulatedStand
 
@@ -74,6 +73,9 @@ class Wear:
     """A fault of a machine, the size that is followed, and its limit in the simulator's unit.
 
     One of the simulator's sizes is as much as the value ``of`` the unit, by its name; empty: 1.
+    ``under``: a load of each recording's own (``drawn``), the same in all of a unit but for 2 %
+    (``like``), or one that reverses (``swing``). Impacts are in m/s^2, of which the simulator knows
+    nothing: their limit is what ``AT_LIMIT`` further recordings of the unit say at the limit.
     """
 
     machine: str
@@ -82,9 +84,12 @@ class Wear:
     of: str
     limit: float
     laws: tuple[GrowthLaw, ...]
+    under: str = "drawn"
 
 
-LINEAR, EXPONENTIAL, _ = LAWS
+LINEAR, EXPONENTIAL, PARIS = LAWS
+IMPACTS = "impacts at the nut line"
+AT_LIMIT = 4
 WEARS = (
     Wear(
         "flea",
@@ -111,8 +116,10 @@ WEARS = (
         4.0,
         (LINEAR, EXPONENTIAL),
     ),
+    Wear("flea", "spall", IMPACTS, "", 0.8, (PARIS, EXPONENTIAL), "like"),
+    Wear("ema", "backlash", "play", "", 1e-3, (LINEAR, EXPONENTIAL), "swing"),
 )
-"""The rheostat of the paper, demagnetisation, drying grease and a worn bearing."""
+"""The rheostat of the paper, demagnetisation, drying grease, a worn bearing, a pit and play."""
 
 
 @dataclass(frozen=True)
@@ -127,40 +134,79 @@ class Life:
     worn: SizeSeries
 
 
-def measured(wear: Wear, number: int, seed: int) -> dict[str, Any]:
-    """One unit through simulator and observer."""
-    draw = np.random.default_rng((seed, WEARS.index(wear), number))
-    machine, stand = find_machine(wear.machine), load_stand(wear.machine)
-    law = wear.laws[number % len(wear.laws)]
-    end = float(draw.uniform(0.8, 1.0)) * LIVED
-    limit = wear.limit * getattr(machine.unit, wear.of, 1.0)
-    low, high = law.straight(limit * draw.uniform(*BEGINS)), law.straight(limit)
-    times = np.arange(-NEW, int(end) + 1)
-    sized = RecordingSizes(knowledge(stand, learned(stand)), wear.fault)
-    rows: list[dict[str, Any]] = []
-    same = {
-        "duration_s": RECORDED_S,
-        "unit_seed": int(draw.integers(2**31)),
-        "motion": drawn_motion(draw, machine),
-    }
-    healthy = SimulatedStand(scenario(draw, "as calibrated", machine, wear.machine, same))
-    each = float(getattr(healthy.units[healthy.unit_in_use], wear.of, 1.0))
-    for time in times.tolist():
-        size = float(law.size(low + time / end * (high - low))) if time >= 0 else 0.0
-        fault = {"fault": wear.fault, "onset_s": 0.0, "size": size / each}
-        given = {**same, "faults": [fault] if size else []}
-        made = scenario(draw, "as calibrated", machine, wear.machine, given)
-        sized.begin()
+class Unit:
+    """One simulated unit of a kind of wear, with the motion and load of its test."""
+
+    def __init__(self, wear: Wear, draw: np.random.Generator) -> None:
+        self.wear, self._draw = wear, draw
+        self._machine, self._stand = find_machine(wear.machine), load_stand(wear.machine)
+        known = knowledge(self._stand, learned(self._stand))
+        self._sized = AllSizes(known, wear.fault, self._stand.kinematics.orders())
+        self._same: dict[str, Any] = {
+            "duration_s": RECORDED_S,
+            "unit_seed": int(draw.integers(2**31)),
+            "motion": drawn_motion(draw, self._machine),
+        }
+        self._load_n = 0.0
+        if wear.under != "drawn":
+            self._same["sensors"] = {"vibration": wear.size == IMPACTS}
+            self._load_n = float(draw.uniform(0.2, 0.9)) * self._machine.limits.load_n
+        healthy = SimulatedStand(self._scenario({}))
+        self.each = float(getattr(healthy.units[healthy.unit_in_use], wear.of, 1.0))
+
+    @property
+    def nominal(self) -> float:
+        """What one of the simulator's sizes is, of the design."""
+        return float(getattr(self._machine.unit, self.wear.of, 1.0))
+
+    def _scenario(self, fault: dict[str, Any]) -> Any:
+        given = {**self._same, **fault}
+        if self.wear.under == "like":
+            share = 1.0 + 0.02 * float(self._draw.normal())
+            given["load"] = {"constant_n": round(share * self._load_n, 1)}
+        elif self.wear.under == "swing":
+            swing = {"amplitude_n": round(self._load_n, 1), "frequency_hz": 0.1}
+            given["load"] = {"constant_n": 0.0, **swing}
+        return scenario(self._draw, "as calibrated", self._machine, self.wear.machine, given)
+
+    def rows(self, time: float, size: float) -> list[dict[str, Any]]:
+        """What a recording at a time, with a fault of this size, says."""
+        fault = {"fault": self.wear.fault, "onset_s": 0.0, "size": size / self.each}
+        made = self._scenario({"faults": [fault] if size else []})
         records = (r for r in SimulatedStand(made) if not isinstance(r, Truth))
-        for record in diagnosed(in_blocks(records), make_observer(stand)):
-            if isinstance(record, (Residual, ResidualBlock)):
-                sized.add(record)
-        found = [row for row in sized.sizes() if row.of.name == wear.size]
-        rows += [
+        self._sized.begin()
+        given: Any = records
+        if self.wear.size != IMPACTS:  # these need no relation
+            # Play of any size is detected, and from then on a block is no faster than its scans.
+            taken = records if self.wear.under == "swing" else in_blocks(records)
+            given = diagnosed(taken, make_observer(self._stand))
+        for record in given:
+            self._sized.add(record)
+        found = [row for row in self._sized.sizes() if row.of.name == self.wear.size]
+        return [
             {"time": time, "truth": size, "size": row.size, "own": row.error.own,
              "from_unit": row.error.from_unit}
             for row in found
         ]  # fmt: skip
+
+
+def measured(wear: Wear, number: int, seed: int) -> dict[str, Any]:
+    """One unit through simulator and observer."""
+    draw = np.random.default_rng((seed, WEARS.index(wear), number))
+    law = wear.laws[number % len(wear.laws)]
+    end = float(draw.uniform(0.8, 1.0)) * LIVED
+    begins = float(draw.uniform(*BEGINS))
+    unit = Unit(wear, draw)
+    limit = wear.limit * unit.nominal
+    low, high = law.straight(limit * begins), law.straight(limit)
+    rows: list[dict[str, Any]] = []
+    for time in np.arange(-NEW, int(end) + 1).tolist():
+        size = float(law.size(low + time / end * (high - low))) if time >= 0 else 0.0
+        rows += unit.rows(time, size)
+    if wear.size == IMPACTS:
+        at_limit = [row["size"] for _ in range(AT_LIMIT) for row in unit.rows(end, limit)]
+        as_new = [row["size"] for row in rows if row["time"] < 0]
+        limit = float(np.mean(at_limit) - np.mean(as_new))
     kind = f"{wear.machine}: {wear.fault}"
     return {"kind": kind, "law": law.name, "limit": limit, "end": end, "rows": rows}
 
@@ -342,6 +388,7 @@ def main() -> int:
     parser.add_argument("what", choices=("measure", "score"))
     parser.add_argument("sizes", type=Path, help="file of the measured sizes")
     parser.add_argument("--units", type=int, default=8, help="of each kind of wear")
+    parser.add_argument("--kind", nargs="+", help="of these faults alone, by their names")
     parser.add_argument("--drawn", type=int, default=100, help="units whose sizes are drawn")
     parser.add_argument("--seed", type=int, default=SCORED_SEED)
     arguments = parser.parse_args()
@@ -349,6 +396,8 @@ def main() -> int:
         units = []
         for number in range(arguments.units):
             for wear in WEARS:
+                if arguments.kind and wear.fault not in arguments.kind:
+                    continue
                 units.append(measured(wear, number, arguments.seed))
                 arguments.sizes.write_text(json.dumps(units), encoding="utf-8")
                 print(f"{units[-1]['kind']}, unit {number}", flush=True)

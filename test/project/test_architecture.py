@@ -230,7 +230,7 @@ ARROWS = {
         "extractor": (),
         "recurrence": (),
         "isolator": ("judgement", "recurrence"),
-        "sizes": ("isolator",),
+        "sizes": ("extractor", "isolator"),
         "baselines": ("extractor",),
         "evidence": ("observer", "isolator", "recurrence"),
     },

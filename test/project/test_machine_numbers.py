@@ -76,6 +76,7 @@ GENERAL: dict[Row, str] = {
     ("wiring/wiring_watch.py", "LOOKS_S", (2.0, 4.0, 6.0)): "size of a sample",
     ("wiring/wiring_watch.py", "TAIL_S", 1.0): "what follows a motion that is late",
     ("wiring/wiring_watch.py", "PATIENCE_S", 10.0): "how long an operator waits",
+    ("sizes/impact_sizes.py", "WINDOW_S", 1.0): "size of a sample",
     ("wiring/wiring_watch.py", "MOST_S", 40.0): "bound of a memory",
     ("isolation/missing_jump.py", "PIECE_S", 1.0): "size of a sample",
     ("isolation/missing_jump.py", "WATCHED_S", 4.0): "the longest window",

@@ -19,6 +19,7 @@ A fault is a set of alternatives; an alternative is a set of simultaneous deviat
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -70,13 +71,25 @@ Alternative = tuple[FaultHypothesis, ...]
 
 
 @dataclass(frozen=True)
+class Impacts:
+    """Impacts by which a fault is followed where relations give it no size, as a spall.
+
+    ``limit``: their amplitude at the end of life, m/s^2 as ``flea trend`` states it.
+    """
+
+    accelerometer: str
+    limit: AboveZero = math.inf
+
+
+@dataclass(frozen=True)
 class Fault:
     """One row of the catalogue.
 
     ``alternatives`` is empty for a fault that shows only in vibration. ``size`` is the reference
     size of the fault, a relative change of its parameters. ``effects`` say how large it may be, and
     what that does to the parameters; ``errors`` the same of a fault of a sensor.
-    ``response`` is what people do about it.
+    ``response`` is what people do about it. ``impacts`` size it by vibration; ``sized_by`` says
+    what else would, where the channels of the stand do not.
     """
 
     name: str
@@ -92,6 +105,8 @@ class Fault:
     effects: tuple[EffectRow, ...] = ()
     errors: ErrorRow = UNBOUNDED
     response: Response = UNSTATED
+    impacts: Impacts | None = None
+    sized_by: str = ""
 
     @property
     def deviation(self) -> str:
@@ -125,6 +140,8 @@ class _FaultRow:
     excitation: str = ""
     effects: tuple[Any, ...] = ()
     response: Response = UNSTATED
+    impacts: Impacts | None = None
+    sized_by: str = ""
 
 
 @dataclass(frozen=True)
@@ -200,6 +217,8 @@ def _fault(name: str, row: _FaultRow, actuator: Actuator, where: str) -> Fault:
         row.excitation,
         effects=effects,
         response=completed(row.response, name, row.component, row.onset, row.excitation, ""),
+        impacts=row.impacts,
+        sized_by=row.sized_by,
     )
 
 

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from flea_diag.core.vibration import features_envelope as envelope
+from flea_diag.core.vibration import features_impacts as impacts
 from flea_diag.core.vibration import features_motion as motion
 from flea_diag.core.vibration import features_spectral as spectral
 from flea_diag.core.vibration import features_time as time
@@ -109,6 +110,10 @@ _ROWS: tuple[Feature, ...] = (
     *(
         Feature(f"{line}_line", "1", envelope.line_ratio(line), 13.7, np.max, **_TRACKED)
         for line in ("nut", "screw", "ball", "bearing_outer", "bearing_inner", "bearing_ball")
+    ),
+    *(
+        Feature(f"{line}_impacts", "m/s^2", impacts.line_impacts(line), 14.0, **_LINEAR, **_TRACKED)
+        for line in ("nut", "screw", "ball")
     ),
     Feature("gear_mesh_line", "1", envelope.mesh_ratio, 8.0, np.max, **_TRACKED),
     Feature("order_1_amplitude", "m/s^2", envelope.order_amplitude(1.0), 4.9, **_LEVEL, **_TRACKED),

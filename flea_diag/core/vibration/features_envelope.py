@@ -61,17 +61,17 @@ def order_spectrum(
     Each stretch of one direction is averaged into bins of angle, weighted with a Hann window
     and transformed on a common grid of orders; powers are averaged weighted by length.
     """
-    stretches = [
-        _by_angle(rows, window, start, stop, per_revolution) for start, stop in _stretches(window)
+    parts = [
+        by_angle(rows, window, start, stop, per_revolution) for start, stop in stretches(window)
     ]
-    longest = max(stretch.shape[1] for stretch in stretches)
+    longest = max(stretch.shape[1] for stretch in parts)
     size = 2 ** int(np.ceil(np.log2(2 * longest)))
     power = np.zeros((len(rows), size // 2 + 1))
-    for stretch in stretches:
+    for stretch in parts:
         weight = np.hanning(stretch.shape[1] + 2)[1:-1]
         spectrum = np.fft.rfft(stretch * weight, size, axis=1) * (2.0 / weight.sum())
         power += np.square(np.abs(spectrum)) * stretch.shape[1]
-    power /= sum(stretch.shape[1] for stretch in stretches)
+    power /= sum(stretch.shape[1] for stretch in parts)
     return np.fft.rfftfreq(size, 1.0 / per_revolution), np.sqrt(power)
 
 
@@ -156,7 +156,7 @@ def _over_surroundings(orders: Floats, amplitude: Floats, order: float) -> Float
 
 
 @shared
-def _stretches(window: Window) -> list[tuple[int, int]]:
+def stretches(window: Window) -> list[tuple[int, int]]:
     """Stretches of one direction, above the lowest speed and at least two revolutions long."""
     direction = np.where(np.abs(window.speed) > SLOWEST_RAD_S, np.sign(window.speed), 0.0)
     edges = np.flatnonzero(np.diff(direction)) + 1
@@ -176,7 +176,7 @@ def _stretches(window: Window) -> list[tuple[int, int]]:
     return found
 
 
-def _by_angle(
+def by_angle(
     rows: Floats, window: Window, start: int, stop: int, per_revolution: int
 ) -> npt.NDArray[np.float64]:
     """Mean of each row in each bin of travelled angle, without its mean, shape (axes, bins)."""

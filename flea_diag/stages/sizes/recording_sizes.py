@@ -45,11 +45,12 @@ LEAST_PIECES = 3
 
 @dataclass(frozen=True)
 class RecordingSize:
-    """One size of the fault in one recording."""
+    """One size of the fault in one recording; ``load_n`` where the size goes with the load."""
 
     of: Size
     size: float
     error: SizeError
+    load_n: float = math.nan
 
 
 class RecordingSizes:

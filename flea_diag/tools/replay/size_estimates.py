@@ -27,7 +27,7 @@ from flea_diag.errors import RecordingError
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
     from flea_diag.core.likelihood.fit import SizeError
-    from flea_diag.stages.sizes.recording_sizes import RecordingSizes
+    from flea_diag.stages.sizes.all_sizes import AllSizes
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable
 
 OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
@@ -61,6 +61,7 @@ class Estimate:
     calibration_sha256: str = ""
     limit: float = math.inf
     from_unit: tuple[float, ...] = ()
+    load_n: float = math.nan
 
     @property
     def error(self) -> SizeError:
@@ -77,7 +78,8 @@ class Estimate:
         return {name: getattr(self, name) for name in WRITTEN}
 
 
-WRITTEN = tuple(f.name for f in fields(Estimate) if f.name not in ("from_unit", "limit"))
+UNWRITTEN = ("from_unit", "limit", "load_n")
+WRITTEN = tuple(f.name for f in fields(Estimate) if f.name not in UNWRITTEN)
 
 
 def estimates(bag: Path, stand: Stand | None = None) -> list[Estimate]:
@@ -104,7 +106,7 @@ def estimates(bag: Path, stand: Stand | None = None) -> list[Estimate]:
     return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
 
 
-def measured(bag: Path, stand: Stand, sizes: RecordingSizes, fault: str) -> list[Estimate]:
+def measured(bag: Path, stand: Stand, sizes: AllSizes, fault: str) -> list[Estimate]:
     """Sizes of one fault by the whole of a bag, detected or not; none without enough motion.
 
     Raises
@@ -116,8 +118,8 @@ def measured(bag: Path, stand: Stand, sizes: RecordingSizes, fault: str) -> list
     from flea_diag.configuration.component import make_observer
     from flea_diag.tools.replay.replay import diagnosed, sources
     from flea_diag.wire.bags.bag import BagReader
-    from flea_diag.wire.blocks import ResidualBlock, ScanBlock
-    from flea_diag.wire.records import ChannelTable, Residual, Scan, Truth
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import ChannelTable, Scan, Truth
 
     serials: list[str] = []
     stamp_ns = -1
@@ -132,8 +134,7 @@ def measured(bag: Path, stand: Stand, sizes: RecordingSizes, fault: str) -> list
             serials.append(serial_of(record))
         elif isinstance(record, Truth):
             serials.append(dict(record.details).get("serial", ""))
-        elif isinstance(record, (Residual, ResidualBlock)):
-            sizes.add(record)
+        sizes.add(record)
     known = [serial for serial in dict.fromkeys(serials) if serial]
     if len(known) > 1:
         raise RecordingError(
@@ -158,6 +159,7 @@ def measured(bag: Path, stand: Stand, sizes: RecordingSizes, fault: str) -> list
             by,
             row.of.limit,
             row.error.from_unit,
+            row.load_n,
         )
         for row in sizes.sizes()
     ]

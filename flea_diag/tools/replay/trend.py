@@ -43,6 +43,7 @@ examples:
   flea trend bags/2026* --calibration cal.yaml     from a new diagnosis
   flea trend bags/2026* --fault winding_short      its size in every bag, detected or not
   flea trend bags/* --fault magnet_loss --new bags/day_0 bags/day_1 --limit 0.2
+  flea trend bags/* --fault spall --size 'impacts at the nut line' --limit 20
   flea trend bags/* --serial EMA-007               of one actuator only
   flea trend bags/* --json trend.json --csv trend.csv --plot trend.png
 
@@ -124,11 +125,19 @@ def _sizing(arguments: argparse.Namespace) -> Callable[[Path], list[Estimate]]:
         return lambda bag: estimates(bag, given)
     from flea_diag.configuration.calibrations import learned
     from flea_diag.configuration.knowledge import knowledge
-    from flea_diag.stages.sizes.recording_sizes import RecordingSizes
+    from flea_diag.stages.sizes.all_sizes import AllSizes
 
     stand, fault = chosen_stand(arguments, "calibration"), arguments.fault
-    sizes = RecordingSizes(knowledge(stand, learned(stand)), fault)
-    return lambda bag: measured(bag, stand, sizes, fault)
+    known = knowledge(stand, learned(stand))
+    sizes = AllSizes(known, fault, stand.kinematics.orders())
+
+    def sized(bag: Path) -> list[Estimate]:
+        found = measured(bag, stand, sizes, fault)
+        if sizes.lacks:
+            warn(f"{bag}: {sizes.lacks}, so {shown(fault)} has no size by its impacts there")
+        return found
+
+    return sized
 
 
 def _collected(

@@ -28,9 +28,13 @@ from flea_diag.core.prognosis.forecast import LEAST_RECORDINGS, Forecast, foreca
 from flea_diag.core.prognosis.growth_law import GrowthLaw
 from flea_diag.core.prognosis.size_series import SizeSeries, against_new, falls
 from flea_diag.core.prognosis.trend import Trend, further_needed, trend
+from flea_diag.core.vibration.nominal_range import SPEED_UNIT_RAD_S
 from flea_diag.tools.replay.size_estimates import Estimate
 
 DAY_S = 86400.0
+LIKE = 1.25
+"""Largest by smallest load of recordings up to which impacts are compared without a word: those in
+proportion to the root of the load then change by 12 %, about as much as one is known by."""
 CROSSED = 0.5
 """Probability from which on a limit is said to be crossed already."""
 
@@ -167,7 +171,24 @@ class UnitTrend:
                 "taken as of each by itself; --calibration FILE diagnoses them again and tells it"
             )
         needed = self._needed()
-        return [*said, needed] if needed else said
+        return [*said, *self._of_impacts(), *([needed] if needed else [])]
+
+    def _of_impacts(self) -> list[str]:
+        """What an amplitude of impacts is, and whether recordings are alike enough for it."""
+        loads = [e.load_n for e in (*self.used, *self.new) if math.isfinite(e.load_n)]
+        if not loads:
+            return []
+        said = [
+            f"a condition indicator: the amplitude of impacts at {SPEED_UNIT_RAD_S:g} rad/s of the "
+            "motor, in proportion to a pit; how large that is in mm it does not say"
+        ]
+        low, high = min(loads), max(loads)
+        if high > LIKE * low:
+            said.append(
+                f"impacts grow with the load, and these recordings have loads of {low:.3g} to "
+                f"{high:.3g} N: like recordings show growth earlier, and none that is not there"
+            )
+        return said
 
     def _repair(self) -> str:
         before, after = self.all[self._fallen[-1] - 1], self.all[self._fallen[-1]]

@@ -195,13 +195,13 @@ def test_at_half_the_rate_bands_beyond_nyquist_are_left_out_and_lines_are_not() 
     assert lines["bearing_outer"] > 6.0
 
 
-def struck(order: float, speed: np.ndarray) -> np.ndarray:
+def struck(order: float, speed: np.ndarray, strength: float = 3.0) -> np.ndarray:
     """A ring at each strike of a defect, whatever the speed does; on a floor of noise."""
     strikes = np.floor(np.cumsum(np.abs(speed)) / RATE / (2.0 * np.pi) * order)
     at = np.flatnonzero(np.diff(strikes))
     ring = np.exp(-800.0 * TIME[:200]) * np.sin(2.0 * np.pi * 4200.0 * TIME[:200])
     train = np.zeros(len(speed))
-    train[at] = 3.0
+    train[at] = strength
     return np.convolve(train, ring)[: len(speed)] + 0.2 * NOISE[: len(speed), 0]
 
 
@@ -222,6 +222,24 @@ def test_defect_stands_out_at_its_own_order(line: str, speed: np.ndarray) -> Non
     assert found[line] > 6.0
     assert max(found, key=found.__getitem__) == line
     assert named_line(window(shaken, speed_rad_s=speed, orders=orders)) == line
+
+
+@pytest.mark.parametrize("line", ["nut", "screw", "ball"])
+def test_impacts_go_with_their_strength_from_the_first_on(line: str) -> None:
+    """From below the noise to ten times above it, where the ratio of the line stops growing."""
+    speed, orders = np.full(20_000, 90.0), SCREW.orders()
+
+    def found(strength: float, name: str = line) -> float:
+        shaken = struck(orders[line], speed, strength)
+        return of(f"{name}_impacts", shaken, speed_rad_s=speed, orders=orders)
+
+    one = found(1.0)
+    assert one > 0.2
+    for strength in (0.4, 2.0, 4.0, 10.0):
+        assert found(strength) == pytest.approx(strength * one, rel=0.12)
+    assert abs(found(0.0)) < 0.1 * found(2.0)
+    for other in set(orders) - {line}:
+        assert found(2.0, other) < 0.5 * found(2.0)
 
 
 def test_noise_alone_is_given_no_name() -> None:
