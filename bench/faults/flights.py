@@ -17,9 +17,10 @@
 python bench/faults/flights.py --prepare FOLDER
 python bench/faults/flights.py --stand FOLDER --seed 6200 --count 40 --json flights.json
 
-The first makes the stand of the second: the shipped description with a friction whose sign is as
-wide as an encoder needs, calibrated on strokes and on flights of ``NOMINAL_SEEDS``: units of their
-own, each with every fourth profile, since what units differ by needs more units than flights.
+The first makes the stand of the second: the shipped description with its bridge named and a
+friction whose sign is as wide as an encoder needs, calibrated on strokes and on flights of
+``NOMINAL_SEEDS``: units of their own, each with every fourth profile, since what units differ by
+needs more units than flights.
 
 Each seed flies one of the 20 profiles, healthy and with two of ``FAULTS``, in turn, from
 ``ONSET_S`` on; every second healthy one also with a coupling. The
