@@ -31,13 +31,14 @@ from flea_diag.tools.bag_url import BagUrl, bag_place, local
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.refused import Refused, refusing
 from flea_diag.tools.stand_option import absolute, accepted_stand, add_calibration, add_stand
-from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json
 from flea_diag.tools.workers import in_order
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
     from flea_diag.stages.pipeline import Pipeline
     from flea_diag.tools.recordings.raw_recordings import Bags
+    from flea_diag.tools.replay.result_folder import ResultFolder
     from flea_diag.wire.blocks import Block, ScanBlock
     from flea_diag.wire.records import Record
 
@@ -51,6 +52,7 @@ examples:
   flea replay runs/*.csv --stand ./mine             raw, without an import
   flea replay bags/* --json results/ -q -j 4        write one JSON file per bag, 4 processes
   flea replay bags/jam --calibration mine.yaml --configuration evidence
+  flea replay bags/* --json results/ --resume       go on after an interruption
   flea replay s3://bucket/run https://host/bags/run --dask tcp://host:8786
 """
 
@@ -87,6 +89,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_jobs(parser)
     add_cluster(parser)
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="leave alone the bags whose results are in the folder of --json, made by the same "
+        "stand, calibration and version",
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the verdict")
 
 
@@ -97,35 +105,57 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.dask:  # its workers are elsewhere, in another folder
         stand = absolute(stand)
     from flea_diag.tools.recordings.raw_recordings import as_bags
+    from flea_diag.tools.replay.result_folder import MADE_BY, ResultFolder, made_by
 
-    with as_bags(arguments.bags, stand) as bags:
-        summaries = _all_replayed(bags, stand, arguments)
-        refused = len(bags.refused) + len(bags.places) - len(summaries)
-    if arguments.json:
-        _write(arguments.json, summaries, several=len(arguments.bags) > 1 or len(summaries) > 1)
-    return _status(summaries, refused, len(summaries) + refused)
+    target = arguments.json or ""
+    by = made_by(stand, arguments.configuration, arguments.namespace) if target else ""
+    folder = ResultFolder(Path(target), by) if target and _is_folder(target) else None
+    given = _left(arguments.bags, folder) if arguments.resume else arguments.bags
+    kept: list[dict[str, Any]] = []
+    done = in_part = 0
+    with as_bags(given, stand) as bags:
+        for summary in _replays(bags, stand, arguments):
+            done, in_part = done + 1, in_part + bool(summary["losses"])
+            _say(summary, arguments)
+            summary[MADE_BY] = by
+            if folder is not None:
+                folder.add(summary)  # not kept: of a million bags they would fill the memory
+            elif target:
+                kept.append(summary)
+        refused = len(bags.refused) + len(bags.places) - done
+    several = len(arguments.bags) > 1 or len(kept) > 1
+    if target and folder is None and (kept or several):
+        write_json(target, kept if several else kept[0])
+    return _status(done, in_part, refused)
 
 
-def _all_replayed(bags: Bags, stand: Stand, arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Summaries of all that are not refused; each is said as soon as it is there."""
-    summaries: list[dict[str, Any]] = []
+def _left(bags: Sequence[Path | BagUrl], folder: ResultFolder | None) -> Sequence[Path | BagUrl]:
+    """Bags whose results are not in the folder yet."""
+    if folder is None:
+        raise ConfigurationError(
+            "--resume: results are found again in a folder only: give it by --json FOLDER/"
+        )
+    left = [bag for bag in bags if not folder.holds(bag)]
+    warn(f"{len(bags) - len(left)} of {len(bags)} bags are replayed already, {len(left)} are left")
+    return left
+
+
+def _replays(bags: Bags, stand: Stand, arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Summaries of all that are not refused, each as soon as it is there."""
     names, began_s = bags.names, time.monotonic()
     read = [bag.absolute() for bag in bags.places] if arguments.dask else bags.places
     work = partial(
         _replayed, stand=stand, namespace=arguments.namespace, by=arguments.configuration
     )
-    progress(1, len(names), read[0].name)
+    progress(1, len(names), names[0] if names else "")
     summed = in_order(work, read, arguments.jobs, arguments.dask)
-    for number, summary in enumerate(summed, 2):
+    for number, summary in enumerate(summed, 1):
         if isinstance(summary, Refused):
             warn(summary.words)
         else:
-            summary["bag"] = names[number - 2]
-            summaries.append(summary)
-            _say(summary, arguments)
-        if number <= len(names):
-            progress(number, len(names), read[number - 1].name, began_s)
-    return summaries
+            yield {**summary, "bag": names[number - 1]}
+        if number < len(names):
+            progress(number + 1, len(names), names[number], began_s)
 
 
 def _pipeline(stand: Stand, by: str) -> Pipeline:
@@ -257,22 +287,9 @@ def _is_folder(target: str) -> bool:
     return target.endswith("/") or Path(target).is_dir()
 
 
-def _write(target: str, summaries: list[dict[str, Any]], several: bool) -> None:
-    if _is_folder(target):
-        make_folder(Path(target))
-        for summary in summaries:
-            name = Path(summary["bag"]).resolve().name
-            write_json(str(Path(target) / f"{name}.json"), summary)
-    elif several:
-        write_json(target, summaries)
-    elif summaries:
-        write_json(target, summaries[0])
-
-
-def _status(summaries: list[dict[str, Any]], refused: int, count: int) -> int:
-    in_part = sum(1 for summary in summaries if summary["losses"])
+def _status(done: int, in_part: int, refused: int) -> int:
     if not refused and not in_part:
         return 0
-    if count > 1:
-        warn(f"{len(summaries)} of {count} bags replayed, {refused} refused, {in_part} incomplete")
+    if done + refused > 1:
+        warn(f"{done} of {done + refused} bags replayed, {refused} refused, {in_part} incomplete")
     return IN_PART

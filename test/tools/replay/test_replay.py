@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.main import main
+from flea_diag.tools.replay import replay as module
 from flea_diag.tools.replay.replay import replay
 from flea_diag.tools.replay.summary import in_words, summarise, without_values
 from flea_diag.wire import records as r
@@ -321,6 +323,63 @@ def test_the_command_goes_on_past_bad_bags(
     assert results == summaries
     assert results[0]["digest"] == results[1]["digest"]
     assert results[0]["outcome"] is not None
+
+
+@pytest.mark.usefixtures("shipped")
+def test_what_was_interrupted_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bags = [str(bag_of(tmp_path / name)) for name in ("first", "second", "third")]
+    out, replayed = tmp_path / "out", module.replay
+
+    def once(bag: Path, *rest: Any) -> dict[str, Any]:
+        if bag.name == "second":
+            raise KeyboardInterrupt
+        return replayed(bag, *rest)
+
+    monkeypatch.setattr(module, "replay", once)
+    command = ["replay", *bags, "--json", f"{out}/", "-q"]
+    assert main(command) == 130
+    assert [file.name for file in out.iterdir()] == ["first.json"]
+    monkeypatch.setattr(module, "replay", replayed)
+    first = out / "first.json"
+    before = first.stat().st_mtime_ns
+    assert main([*command, "--resume"]) == 0
+    assert "1 of 3 bags are replayed already, 2 are left" in capsys.readouterr().err
+    assert first.stat().st_mtime_ns == before
+    assert sorted(file.name for file in out.iterdir()) == [
+        "first.json",
+        "second.json",
+        "third.json",
+    ]
+
+
+@pytest.mark.usefixtures("shipped")
+def test_results_that_would_differ_now_are_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, out = bag_of(tmp_path / "run"), tmp_path / "out"
+    command = ["replay", str(bag), "--json", f"{out}/", "-q"]
+    again = [*command, "--resume"]
+
+    def left() -> str:
+        capsys.readouterr()
+        assert main(again) == 0
+        return capsys.readouterr().err.splitlines()[0]
+
+    assert main(command) == 0
+    assert left() == "flea: 1 of 1 bags are replayed already, 0 are left"
+    again += ["--configuration", "evidence"]
+    assert left() == "flea: 0 of 1 bags are replayed already, 1 are left"
+    assert left() == "flea: 1 of 1 bags are replayed already, 0 are left"
+    file = out / "run.json"
+    file.write_text(file.read_text()[:100])
+    assert left() == "flea: 0 of 1 bags are replayed already, 1 are left"
+    later = file.stat().st_mtime + 10.0
+    os.utime(bag / "metadata.yaml", (later, later))
+    assert left() == "flea: 0 of 1 bags are replayed already, 1 are left"
+    assert main(["replay", str(bag), "-q", "--resume"]) == 2
+    assert "give it by --json FOLDER/" in capsys.readouterr().err
 
 
 def test_a_wrong_calibration_is_refused_before_any_bag(
