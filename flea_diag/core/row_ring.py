@@ -70,3 +70,14 @@ class RowRing:
         """The last rows themselves, not a copy."""
         end = self.end.item()
         return self.store[end - count : end]
+
+
+def place_loops(store: Any, end: npt.NDArray[np.int64], size: int) -> int:
+    """``RowRing.place`` of one row, for compiled loops; its place in the store."""
+    at: int = end[0]
+    if at == len(store):
+        for k in range(size):
+            store[k] = store[at - size + k]
+        at = size
+    end[0] = at + 1
+    return at

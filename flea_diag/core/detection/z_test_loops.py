@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
+from flea_diag.core.row_ring import place_loops
 from flea_diag.core.running_mean import Memory, Seen
 
 Array = npt.NDArray[np.float64]
@@ -127,17 +128,6 @@ def row_loops(
             at += 1
 
 
-def room_loops(store: Array, valid: Flags, ends: tuple[Counts, Counts, Counts], size: int) -> int:
-    """``row_ring.RowRing.place`` of both stores for one row; where it is put."""
-    at = ends[0][0]
-    if at == len(store):
-        for k in range(size):
-            store[k], valid[k] = store[at - size + k], valid[at - size + k]
-        at = size
-    ends[0][0] = ends[1][0] = at + 1
-    return at
-
-
 def z_test_loops(
     rows: tuple[Array, Array, Array, Array], moving: Flags, groups: tuple[Group, Group],
     results: Array,
@@ -157,7 +147,8 @@ def z_test_loops(
             if moving[i] or not gated:
                 grown = growth[min(i, len(growth) - 1)]
                 row_loops(values[i], grown, motion[i, 0], spreads[i], columns, places, row)
-                at = room_loops(store, valid, ends, size)
+                at = place_loops(store, ends[0], size)
+                place_loops(valid, ends[1], size)
                 push_loops(row, store, valid, at, lengths, counts, sums)
                 ends[2][0] += 1
                 if ends[2][0] == size:
@@ -169,5 +160,5 @@ def z_test_loops(
                     results[part, i, columns[c]] = held[part, c]
 
 
-Z_TEST_LOOPS = (z_test_loops, row_loops, room_loops, push_loops, sum_loops, nearest_loops)
+Z_TEST_LOOPS = (z_test_loops, row_loops, place_loops, push_loops, sum_loops, nearest_loops)
 """What ``backend.exact`` takes: the function, and what it calls."""
