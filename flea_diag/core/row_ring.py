@@ -59,7 +59,7 @@ class RowRing:
 
     def place(self, count: int) -> int:
         """Make room for new rows; returns their place in ``store``."""
-        start = self.end.item()
+        start = int(self.end[0])
         if start + count > len(self.store):
             self.store[: self.size] = self.store[start - self.size : start]
             start = self.size

@@ -30,8 +30,8 @@ Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Memory = tuple[Array, Array, Counts, Counts, Counts, Counts, Counts]
-"""Resolution, largest, ceiling and floor of each channel, shape (4, channels); sigmas; the store and
-its end; sums of each window, and of all samples of the first seconds; lengths of the windows."""
+"""Resolution, largest, ceiling and floor of each channel, shape (4, channels); sigmas; the store
+and its end; sums of each window, and of all samples of the first seconds; lengths of windows."""
 
 
 def noise_loops(

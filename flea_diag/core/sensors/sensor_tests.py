@@ -206,41 +206,42 @@ class SensorTests:
         anywhere, lacks, heard = look(
             rows, self._columns, self._bounds, stepping, noise, recent, inside, z, odd
         )
-        self._recent, self.away, self.withholds = recent[count:], None, False
-        self.outlying = None
+        self._recent, self.withholds, self.outlying = recent[count:], False, None
         self._rest.step(recent, count, not lacks and self._rest.scans <= KEPT)
         own: dict[int, ReadingTrain] = {}
+        void: Flags | None = None
         if heard:
             self._noise.taken(count)
             self._readings.interrupt()
         else:
-            anywhere, own = self._apart(anywhere, lacks, recent, inside, z, odd)
+            anywhere, own, void = self._apart(anywhere, lacks, recent, inside, z, odd)
         if self._turned is not None:
             self._stand_beside_speed(recent, z, *self._turned)
         if anywhere or self._watched:
             self._watch(recent, own, (odd, usable, z))
-        if self.away is not None:
-            z[np.ix_(self.away, self._step_places)] = 0.0
+        if void is not None:
+            z[np.ix_(void, self._step_places)] = 0.0
+        self.away = void
         self._scan += count
         return SensorTestResults(usable, z, self.k)
 
     def _apart(
         self, anywhere: bool, lacks: bool, recent: Array, inside: Array, z: Array, odd: Flags
-    ) -> tuple[bool, dict[int, ReadingTrain]]:
-        """Channels that lack readings, a motion that rushes, and the noise of the others.
+    ) -> tuple[bool, dict[int, ReadingTrain], Flags | None]:
+        """Channels that lack readings, a motion that rushes, and the noise of all.
 
-        Whether anything leaps or stands still, and the readings of the former.
+        Whether anything leaps or stands still, the readings of the former, and where it rushes.
         """
         trains = self._readings.step(self._scan, recent, len(z), lacks)
         own = {group[0]: train for group, train in trains.items() if len(group) == 1}
         if trains:
             anywhere |= self._look_apart(trains, own, z, odd)
-        if self._rushing or (anywhere and odd[:, self._stepping].any()):
-            self.away = self._rushes(recent, inside)
+        leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
+        void = self._rushes(recent, inside) if leaps else None
         self._rest.leave_out(inside)
         noise = self._noise.own(own, inside)
         z[:, self._places["noise"]] = self._noise.step(inside, noise)
-        return anywhere, own
+        return anywhere, own, void
 
     def _stand_beside_speed(
         self, recent: Array, z: Array, place: int, index: int, speed: int, way: float
