@@ -37,7 +37,8 @@ class RowRing:
         self.size = max(windows)
         self.most = (ROOM - 1) * self.size
         self.store: npt.NDArray[Any] = np.zeros((ROOM * self.size, columns), dtype=dtype)
-        self._end = self.size
+        self.end = np.array([self.size])
+        """Row behind the last one, in an array: compiled loops move it, too."""
         self._leaving = np.arange(self.most)[:, None] - np.array(windows)
 
     def __deepcopy__(self, memo: object) -> RowRing:
@@ -45,25 +46,38 @@ class RowRing:
         made = copy(self)
         made.store = np.empty_like(self.store)
         made.store[: self.size] = self.last(self.size)
-        made._end = self.size
+        made.end = np.array([self.size])
         return made
 
     def push(self, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Take rows, shape (n, columns); those that leave, shape (n, windows, columns)."""
         count = len(rows)
         start = self.place(count)
-        self.store[start : self._end] = rows
+        self.store[start : start + count] = rows
         leaving: npt.NDArray[Any] = self.store[self._leaving[:count] + start]
         return leaving
 
     def place(self, count: int) -> int:
         """Make room for new rows; returns their place in ``store``."""
-        if self._end + count > len(self.store):
-            self.store[: self.size] = self.last(self.size)
-            self._end = self.size
-        self._end += count
-        return self._end - count
+        start = int(self.end[0])
+        if start + count > len(self.store):
+            self.store[: self.size] = self.store[start - self.size : start]
+            start = self.size
+        self.end[0] = start + count
+        return start
 
     def last(self, count: int) -> npt.NDArray[Any]:
         """The last rows themselves, not a copy."""
-        return self.store[self._end - count : self._end]
+        end = self.end.item()
+        return self.store[end - count : end]
+
+
+def place_loops(store: Any, end: npt.NDArray[np.int64], size: int) -> int:
+    """``RowRing.place`` of one row, for compiled loops; its place in the store."""
+    at: int = end[0]
+    if at == len(store):
+        for k in range(size):
+            store[k] = store[at - size + k]
+        at = size
+    end[0] = at + 1
+    return at

@@ -26,9 +26,12 @@ from flea_diag.core.row_ring import RowRing
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-Memory = tuple[Counts, Counts, Counts, Counts]
+Seen = tuple[Counts, Counts, Counts, Counts]
 """Of each column how long its window and its gap are, how many rows each window has seen, and the
 longest gap."""
+Memory = tuple[tuple[Array, Flags, Array], tuple[Counts, Counts, Counts], Counts, Seen]
+"""Stores of values and of validity, and the sums; where the rows of both end, and rows of this lap;
+the lengths of the windows; what is counted of each column."""
 
 
 class WindowedMeans:
@@ -53,16 +56,17 @@ class WindowedMeans:
         self._run, self._gap = np.zeros(columns, dtype=np.int64), self._longest + 1
         self._seen = np.zeros((len(self.windows), columns), dtype=np.int64)
         self._whole_for = 0
-        self._lap = 0
+        self._lap = np.zeros(1, dtype=np.int64)
 
     def push(self, rows: Array) -> Array:
         """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
 
         NaN until a window is as long as it should be.
         """
-        if self._lap + len(rows) <= self._size:
+        lap = self._lap.item()
+        if lap + len(rows) <= self._size:
             return self._push(rows)
-        cuts = range(self._size - self._lap, len(rows), self._size)
+        cuts = range(self._size - lap, len(rows), self._size)
         return np.concatenate([self._push(part) for part in np.split(rows, cuts)])
 
     def _push(self, rows: Array) -> Array:
@@ -75,8 +79,8 @@ class WindowedMeans:
         sums[0] += self._sums
         if len(rows) > 1:
             np.cumsum(sums, axis=0, out=sums)
-        self._lap = (self._lap + len(rows)) % self._size
-        if self._lap == 0:
+        self._lap[0] = (self._lap.item() + len(rows)) % self._size
+        if not self._lap.item():
             sums[-1] = self._formed_anew()
         self._sums = sums[-1].copy()
         # Nothing has been missing for long, and nothing is now: no need to look.
@@ -97,18 +101,12 @@ class WindowedMeans:
         judged = (runs >= self._lengths[:, None]) & (2 * seen >= self._lengths[:, None])
         return np.where(judged, sums / np.maximum(seen, 1), np.nan)
 
-    def room(self, count: int) -> tuple[tuple[Array, Flags, Array], int, int, Memory]:
-        """Memory in which ``z_test_loops`` puts so many rows, no more than the longest window.
-
-        Stores of values and of validity, and the sums; where in them the rows begin; rows of
-        this lap until now; what is counted of each column.
-        """
-        start, lap = self._rows.place(count), self._lap
-        self._valid.place(count)
-        self._lap = (lap + count) % self._size
+    def memory(self) -> Memory:
+        """The state, for ``z_test_loops`` to go on with."""
         self._whole_for = 0
+        stores = self._rows.store, self._valid.store, self._sums
         counts = self._run, self._gap, self._seen, self._longest
-        return (self._rows.store, self._valid.store, self._sums), start, lap, counts
+        return stores, (self._rows.end, self._valid.end, self._lap), self._lengths, counts
 
     def _runs(self, valid: Flags) -> Counts:
         """How many rows there are since the last gap that was too long, shape (n, columns)."""

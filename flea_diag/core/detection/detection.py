@@ -36,6 +36,7 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.symbols import MIXED, Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
+from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.scan_counts import ScanCounts
@@ -48,7 +49,7 @@ class TestResults:
 
     ``z``: statistic, and ``k``: its limit, NaN where nothing was tested. ``window``: samples of
     the mean, 0 where there is none. ``growth``: factor by which the limit of that mean has grown.
-    ``table``, shape (4, n, residuals), holds the four.
+    ``table``, shape (4, n, residuals), holds the four, ``every`` them and the next:
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
@@ -57,18 +58,26 @@ class TestResults:
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
 
-    __slots__ = ("along", "directed", "growth", "k", "shift", "table", "void", "way", "window", "z")
+    __slots__ = (
+        "along", "directed", "every", "growth", "k", "shift", "void", "way", "window", "z",
+    )  # fmt: skip
 
-    def __init__(self, residuals: int, scans: int = 1) -> None:
-        table = np.empty((5, scans, residuals))
-        table.fill(np.nan)
-        self.table, self.void = table[:4], False
+    def __init__(self, residuals: int, scans: int = 1, filled: bool = True) -> None:
+        every = self.every = np.empty((5, scans, residuals))
+        self.void = False
         self.along: dict[int, str] = {}
-        self.z, self.k, self.window, self.growth, self.shift = table
-        self.window.fill(0.0)
-        self.growth.fill(1.0)
+        self.z, self.k, self.window, self.growth, self.shift = every
+        if filled:  # else somebody else does
+            every.fill(np.nan)
+            self.window.fill(0.0)
+            self.growth.fill(1.0)
         self.way: tuple[Sequence[int], Sequence[int]] = (0,) * scans, (0,) * scans
         self.directed = frozenset[int]()
+
+    @property
+    def table(self) -> Array:
+        """Statistic, limit, window and growth."""
+        return self.every[:4]
 
     def direction(self, index: int) -> Array:
         """Direction of motion in the window of a residual after each scan; see ``Test``."""
@@ -118,11 +127,11 @@ class Detector:
     ) -> None:
         extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
         named = {limit.name: limit for limit in limits}
-        compiled = backends.chosen(backend) == "numba"
+        self._compiled = backends.chosen(backend) == "numba"
         self._count = len(known.rows)
         self._one = np.ones((1, self._count))
         self._groups = tuple(
-            ZTests(known, gate, named, np.array(tolerance), extra, compiled, counts)
+            ZTests(known, gate, named, np.array(tolerance), extra, counts)
             for gate in ("moving", "always")
         )
 
@@ -132,11 +141,16 @@ class Detector:
         ``growth``, shape (n, residuals): variance of each residual there, in times what was
         calibrated; None: as calibrated.
         """
-        results = TestResults(self._count, len(rows))
-        if growth is None:
-            growth = self._one if len(rows) == 1 else np.ones_like(rows.values)
+        results = TestResults(self._count, len(rows), not self._compiled)
+        grown = self._one if growth is None else growth
+        if self._compiled:
+            moving, still = (group.group() for group in self._groups)
+            table = rows.values, grown, rows.motion, rows.spread
+            backends.exact(*Z_TEST_LOOPS)(table, rows.moving, (moving, still), results.every)
+            return results
+        grown = np.broadcast_to(grown, rows.values.shape)
         for group in self._groups:
-            group.step(rows, growth, results.table)
+            group.step(rows, grown, results.table)
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:

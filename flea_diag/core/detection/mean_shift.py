@@ -165,7 +165,7 @@ class MeanShift:
         reaches back.
         """
         most = self._store.shape[1]
-        if max(self._ends, default=0) + count > most:
+        if self._ends.max(initial=0) + count > most:
             store = self._store
             if self._kept + count > most:
                 self._store = np.zeros((len(store), self._kept + count + _ROOM, store.shape[2]))

@@ -21,9 +21,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core import backend as backends
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
-from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
+from flea_diag.core.detection.z_test_loops import Group
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import WindowedMeans, summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
@@ -51,10 +50,9 @@ class ZTests:
         limits: dict[str, ResidualLimit],
         tolerance: Array,
         thermal_variance: float,
-        compiled: bool,
         counts: ScanCounts,
     ) -> None:
-        self._gated, self._compiled = gate == "moving", compiled
+        self._gated = gate == "moving"
         every = enumerate(known.rows)
         columns = [j for j, row in every if row.gate == gate and row.name in limits]
         # Those in which healthy units differ side by side, whatever stands between them.
@@ -112,9 +110,6 @@ class ZTests:
         """
         if not len(self._columns):
             return
-        if self._compiled:
-            self._follow(rows, growth, results)
-            return
         taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
         found = self._held[:, None]
         if taken.any():
@@ -122,40 +117,11 @@ class ZTests:
         self._held = found[:, -1].copy()
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
-    def _follow(self, rows: ResidualRows, growth: Array, results: Array) -> None:
-        """The same as compiled loops, in pieces that fit the memory."""
-        table, most = (rows.values, growth, rows.motion, rows.spread), self._windows[-1]
-        if len(rows) <= most:
-            self._taken(table, rows.moving, results)
-            return
-        for start in range(0, len(rows), most):
-            piece = slice(start, start + most)
-            values, grown, motion, spread = (part[piece] for part in table)
-            part = values, grown, motion, spread
-            self._taken(part, rows.moving[piece], results[:, piece])
-
-    def _taken(
-        self, rows: tuple[Array, Array, Array, Array], moving: Flags, results: Array
-    ) -> None:
-        """One piece."""
-        count = int(np.count_nonzero(moving)) if self._gated else len(moving)
-        memory, at, lap, seen = self._means.room(count)
-        backends.exact(*Z_TEST_LOOPS)(
-            rows,
-            moving,
-            self._gated,
-            self._columns,
-            self._places,
-            memory,
-            at,
-            lap,
-            self._lengths,
-            seen,
-            self._bounds,
-            (self._spreading.start, len(self._spread), self._tolerance),
-            self._held,
-            results,
-        )
+    def group(self) -> Group:
+        """What ``z_test_loops`` takes in place of ``step``."""
+        spread = self._spreading.start, len(self._spread), self._tolerance
+        places = self._columns, self._places
+        return self._gated, places, self._means.memory(), self._bounds, spread, self._held
 
     def _table(self, rows: ResidualRows, growth: Array) -> Array:
         """Rows of the ring, shape (n, width)."""

@@ -27,15 +27,19 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
-from flea_diag.core.running_mean import Memory
+from flea_diag.core.row_ring import place_loops
+from flea_diag.core.running_mean import Memory, Seen
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
+Group = tuple[bool, tuple[Counts, Counts], Memory, Array, tuple[int, int, Array], Array]
+"""Whether scans at rest are passed over; columns of values and places of spreads; the memory;
+bounds; first column and number of those that units differ in, and tolerances; the last results."""
 
 
 def push_loops(
-    row: Array, store: Array, valid: Flags, at: int, lengths: Counts, counts: Memory, sums: Array
+    row: Array, store: Array, valid: Flags, at: int, lengths: Counts, counts: Seen, sums: Array
 ) -> None:
     """``running_mean.WindowedMeans`` for one row, which is put at ``at`` of the store."""
     run, gap, seen, longest = counts
@@ -65,7 +69,7 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
 def nearest_loops(
     sums: Array,
     lengths: Counts,
-    counts: Memory,
+    counts: Seen,
     bounds: Array,
     spread: tuple[int, int, Array],
     held: Array,
@@ -125,29 +129,36 @@ def row_loops(
 
 
 def z_test_loops(
-    rows: tuple[Array, Array, Array, Array], moving: Flags, gated: bool, columns: Counts,
-    places: Counts, memory: tuple[Array, Flags, Array], start: int, lap: int,
-    lengths: Counts, counts: Memory, bounds: Array, spread: tuple[int, int, Array], held: Array,
+    rows: tuple[Array, Array, Array, Array], moving: Flags, groups: tuple[Group, Group],
     results: Array,
 ) -> None:  # fmt: skip
-    """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
+    """Scan after scan, the tests of both gates; fills ``detection.TestResults.every``.
+
+    Where a group is gated a scan at rest leaves its results as they were. Of the growth there may
+    be one row for all scans.
+    """
     values, growth, motion, spreads = rows
-    store, valid, sums = memory
-    row, size = np.empty(store.shape[1]), lengths[-1]
-    for i in range(len(values)):
-        if moving[i] or not gated:
-            row_loops(values[i], growth[i], motion[i, 0], spreads[i], columns, places, row)
-            push_loops(row, store, valid, start, lengths, counts, sums)
-            lap += 1
-            if lap == size:
-                lap = 0
-                sum_loops(store, start, lengths, sums)
-            start += 1
-            nearest_loops(sums, lengths, counts, bounds, spread, held)
-        for c in range(len(columns)):
-            for part in range(4):
-                results[part, i, columns[c]] = held[part, c]
+    results[:2], results[2], results[3], results[4] = math.nan, 0.0, 1.0, math.nan
+    for g in range(len(groups)):
+        gated, (columns, places), memory, bounds, spread, held = groups[g]
+        (store, valid, sums), ends, lengths, counts = memory
+        row, size = np.empty(store.shape[1]), lengths[-1]
+        for i in range(len(values) if len(columns) else 0):
+            if moving[i] or not gated:
+                grown = growth[min(i, len(growth) - 1)]
+                row_loops(values[i], grown, motion[i, 0], spreads[i], columns, places, row)
+                at = place_loops(store, ends[0], size)
+                place_loops(valid, ends[1], size)
+                push_loops(row, store, valid, at, lengths, counts, sums)
+                ends[2][0] += 1
+                if ends[2][0] == size:
+                    ends[2][0] = 0
+                    sum_loops(store, at, lengths, sums)
+                nearest_loops(sums, lengths, counts, bounds, spread, held)
+            for c in range(len(columns)):
+                for part in range(4):
+                    results[part, i, columns[c]] = held[part, c]
 
 
-Z_TEST_LOOPS = (z_test_loops, row_loops, push_loops, sum_loops, nearest_loops)
+Z_TEST_LOOPS = (z_test_loops, row_loops, place_loops, push_loops, sum_loops, nearest_loops)
 """What ``backend.exact`` takes: the function, and what it calls."""

@@ -24,33 +24,32 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.row_ring import place_loops
+
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+Memory = tuple[Array, Array, Counts, Counts, Counts, Counts, Counts]
+"""Resolution, largest, ceiling and floor of each channel, shape (4, channels); sigmas; the store
+and its end; sums of each window, and of all samples of the first seconds; lengths of windows."""
 
 
 def noise_loops(
     recent: Array,
     own: tuple[Flags, Array, Flags],
-    levels: tuple[Array, Array, Array, Array],
-    sigma: Array,
-    store: Counts,
-    start: int,
-    sums: Counts,
-    first: Counts,
-    lengths: Counts,
+    memory: Memory,
     found: Array,
 ) -> None:
-    """Row after row; ``recent`` begins three rows before the first, ``store`` at ``start``.
+    """Row after row; ``recent`` begins three rows before the first.
 
-    ``own`` is that of ``NoiseTest.step``. ``levels`` are resolution, largest, ceiling and floor of
-    each channel; ``first`` adds up all samples.
+    ``own`` is that of ``NoiseTest.step``.
     """
+    levels, sigma, store, end, sums, first, lengths = memory
     resolution, most, ceiling, floor = levels
     lacking, logs, missing = own
     channels = len(resolution)
     for i in range(len(found)):
-        at = start + i
+        at = place_loops(store, end, lengths[-1])
         for c in range(channels):
             passed = lacking[c] and missing[i, c]
             if passed:
@@ -85,3 +84,7 @@ def noise_loops(
                     z = (max(mean - ceiling[c], 0.0) + min(mean - floor[c], 0.0)) / sigma[w, c]
                     if abs(z) > abs(found[i, c]):
                         found[i, c] = z
+
+
+NOISE_LOOPS = (noise_loops, place_loops)
+"""What ``backend.exact`` takes: the function, and what it calls."""

@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.row_ring import RowRing
-from flea_diag.core.sensors.noise_loops import noise_loops
+from flea_diag.core.sensors.noise_loops import NOISE_LOOPS, Memory
 from flea_diag.core.sensors.own_readings import ReadingTrain, longest_gaps, train_logs
 from flea_diag.core.sensors.sensor_limits import (
     NOISE_WINDOWS,
@@ -90,6 +90,7 @@ class NoiseTest:
         """Of channels that lack readings, which of their last three are inside their range."""
         # During its first seconds a unit may be as noisy as any unit.
         self._ceiling = self._loudest + UNIT_LOG + LARGEST_BASELINE
+        self._levels = np.array((self._resolution, self._most, self._ceiling, self._floor))
 
     def step(self, recent: Array, own: Own | None = None) -> Array:
         """Z of each channel after each row; ``recent`` begins three rows before the first.
@@ -143,19 +144,23 @@ class NoiseTest:
     def _follow(self, recent: Array, own: Own, count: int) -> Array:
         """The same as one compiled loop."""
         found = np.empty((count, len(self._resolution)))
-        backends.exact(noise_loops)(
-            recent,
-            own,
-            (self._resolution, self._most, self._ceiling, self._floor),
-            self._sigma,
-            self._rows.store,
-            self._rows.place(count),
-            self._sums,
-            self._first,
-            LENGTHS,
-            found,
-        )
+        backends.exact(*NOISE_LOOPS)(recent, own, self.memory, found)
         return found
+
+    @property
+    def memory(self) -> Memory:
+        """The state, for ``noise_loops`` to go on with."""
+        ring = self._rows
+        return self._levels, self._sigma, ring.store, ring.end, self._sums, self._first, LENGTHS
+
+    def takes(self, count: int) -> bool:
+        """Whether so many rows may come at once: what is learned applies from the next row on."""
+        return self._scans >= WARM_UP_SCANS or self._scans + count <= WARM_UP_SCANS
+
+    def taken(self, count: int) -> None:
+        """Compiled loops have judged so many rows, none of which lacks a reading."""
+        self._sound = {}
+        self._learn(count)
 
     def _judged(self, recent: Array, own: Own, count: int) -> Array:
         """The same in numpy."""
@@ -215,3 +220,4 @@ class NoiseTest:
             total, samples = np.split(self._first, 2)
             louder = np.where(samples, 1e-6 * total / np.maximum(samples, 1) - self._loudest, 0.0)
             self._ceiling = self._loudest + UNIT_LOG + np.clip(louder, 0.0, LARGEST_BASELINE)
+            self._levels[2] = self._ceiling

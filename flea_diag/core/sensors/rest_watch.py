@@ -88,20 +88,32 @@ class RestWatch:
 
     def interrupt(self) -> None:
         """A gap in the stream."""
-        self._last = np.full((self.scans, len(self._positions + self._speed)), np.nan)
+        self._known: Array | None = np.full((self.scans, len(self._columns)), np.nan)
+        self._whole = self._known
         self._before = np.zeros((3, len(self.unseen)), dtype=bool)
 
-    def step(self, rows: Array, is_whole: bool = False) -> None:
-        """Take n rows, shape (n, channels); a missing reading stays what it was.
+    def step(self, recent: Array, count: int, is_whole: bool = False) -> None:
+        """Take the last ``count`` rows, shape (n, channels); a missing reading stays what it was.
 
-        ``is_whole``: none is missing, nor was in as many ``scans`` before.
+        ``is_whole``: none is missing, and ``recent`` holds as many ``scans`` before.
         """
-        motion = np.concatenate((self._last, rows.take(self._columns, axis=1)))
-        missing = None if is_whole else np.isnan(motion)
-        if missing is not None and missing.any():
+        if is_whole:  # formed when it is asked for
+            self._whole, self._known = recent[-count - self.scans :], None
+            return
+        last = self._motion[-self.scans :]
+        motion = np.concatenate((last, recent[-count:].take(self._columns, axis=1)))
+        missing = np.isnan(motion)
+        if missing.any():
             read = np.where(missing, 0, np.arange(len(motion))[:, None])
             motion = np.take_along_axis(motion, np.maximum.accumulate(read, axis=0), axis=0)
-        self._motion, self._last = motion, motion[-self.scans :]
+        self._known = motion
+
+    @property
+    def _motion(self) -> Array:
+        """Positions and speed of the last rows, and of ``scans`` before them."""
+        if self._known is None:
+            self._known = self._whole.take(self._columns, axis=1)
+        return self._known
 
     def of(self, column: int) -> Flags | None:
         """At which of the rows a held reading of a channel is not judged; None: at none."""

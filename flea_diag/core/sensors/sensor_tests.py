@@ -104,9 +104,10 @@ class SensorTests:
         self._limits = tuple(limit for limit in limits if limit.channel in tested)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
-        self._reach = np.array([limit.reach for limit in self._limits])
-        self._low = np.full(len(self._limits), -math.inf)
-        self._high = np.full(len(self._limits), math.inf)
+        self._bounds = np.empty((3, len(self._limits)))
+        """Ends of the range of each reading, and how far it goes in a scan."""
+        self._bounds[:2] = [[-math.inf], [math.inf]]
+        self._bounds[2] = self._reach = np.array([limit.reach for limit in self._limits])
         still = {**sensors.positions, sensors.speed: sensors.speed_of_a_count(period_s)}
         quanta = [still.get(name, 0.0) for name in self._names]
         self._guards = [
@@ -180,7 +181,7 @@ class SensorTests:
         """Set the range of a channel: a reading at its end is clipped, neither held nor quiet."""
         if channel in self._names:
             index = self._names.index(channel)
-            self._low[index], self._high[index] = low, high
+            self._bounds[:2, index] = low, high
 
     def interrupt(self) -> None:
         """A gap in the stream: no test spans it."""
@@ -199,29 +200,48 @@ class SensorTests:
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
         look = backends.exact(*LOOKS) if self._compiled else self._look
-        bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired, self._step_places, self._sizes
-        self.withholds, self.outlying = False, None
-        anywhere, lacks = look(rows, self._columns, bounds, stepping, recent, inside, z, odd)
-        trains = self._readings.step(self._scan, recent, count, lacks)
-        own = {group[0]: train for group, train in trains.items() if len(group) == 1}
-        if trains:
-            anywhere |= self._look_apart(trains, own, z, odd)
+        hears = not (self._rushing or self._rest.unseen) and self._noise.takes(count)
+        noise = hears, self._noise.memory, self._places["noise"]
+        anywhere, lacks, heard = look(
+            rows, self._columns, self._bounds, stepping, noise, recent, inside, z, odd
+        )
+        self._recent, self.withholds, self.outlying = recent[count:], False, None
+        self._rest.step(recent, count, not lacks and self._rest.scans <= KEPT)
+        own: dict[int, ReadingTrain] = {}
+        void: Flags | None = None
+        if heard:
+            self._noise.taken(count)
+            self._readings.interrupt()
+        else:
+            anywhere, own, void = self._apart(anywhere, lacks, recent, inside, z, odd)
         if self._turned is not None:
             self._stand_beside_speed(recent, z, *self._turned)
-        leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
-        self.away = void = self._rushes(recent, inside) if leaps else None
-        self._recent = recent[count:]
-        self._rest.step(recent[-count:], is_whole=not lacks and self._rest.scans <= KEPT)
-        self._rest.leave_out(inside)
-        noise = self._noise.own(own, inside)
-        z[:, self._places["noise"]] = self._noise.step(inside, noise)
         if anywhere or self._watched:
             self._watch(recent, own, (odd, usable, z))
         if void is not None:
             z[np.ix_(void, self._step_places)] = 0.0
+        self.away = void
         self._scan += count
         return SensorTestResults(usable, z, self.k)
+
+    def _apart(
+        self, anywhere: bool, lacks: bool, recent: Array, inside: Array, z: Array, odd: Flags
+    ) -> tuple[bool, dict[int, ReadingTrain], Flags | None]:
+        """Channels that lack readings, a motion that rushes, and the noise of all.
+
+        Whether anything leaps or stands still, the readings of the former, and where it rushes.
+        """
+        trains = self._readings.step(self._scan, recent, len(z), lacks)
+        own = {group[0]: train for group, train in trains.items() if len(group) == 1}
+        if trains:
+            anywhere |= self._look_apart(trains, own, z, odd)
+        leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
+        void = self._rushes(recent, inside) if leaps else None
+        self._rest.leave_out(inside)
+        noise = self._noise.own(own, inside)
+        z[:, self._places["noise"]] = self._noise.step(inside, noise)
+        return anywhere, own, void
 
     def _stand_beside_speed(
         self, recent: Array, z: Array, place: int, index: int, speed: int, way: float
@@ -262,14 +282,15 @@ class SensorTests:
         self,
         rows: Array,
         columns: Counts,
-        bounds: tuple[Array, Array, Array],
+        bounds: Array,
         stepping: tuple[Counts, bool, Counts, Array],
+        noise: object,
         recent: Array,
         inside: Array,
         z: Array,
         odd: Flags,
-    ) -> tuple[bool, bool]:
-        """``sensor_loops.look_loops`` in numpy."""
+    ) -> tuple[bool, bool, bool]:
+        """``sensor_loops.look_loops`` in numpy, which leaves the noise to ``NoiseTest``."""
         count, (low, high, reach) = len(rows), bounds
         recent[-count:] = rows[:, columns]
         last = recent[-count - 3 :]
@@ -278,7 +299,7 @@ class SensorTests:
             z[:, place] = step / size
         before, now = recent[-count - 1 : -1], recent[-count:]
         odd[:] = (np.abs(now - before) > reach) | (now == before)
-        return bool(odd.any()), bool(np.isnan(recent).any())
+        return bool(odd.any()), bool(np.isnan(recent).any()), False
 
     def _look_apart(
         self,
@@ -338,13 +359,14 @@ class SensorTests:
     ) -> None:
         """Judge the eventful readings of a channel; ``readings`` begins with three earlier ones."""
         guard, limit = self._guards[index], self._limits[index]
+        low, high, _ = self._bounds[:, index].tolist()
         column, _, _, step = self._own[index]
         odd, usable, z = block
         places = scans[3:]
         for n in _eventful(odd[places, index], guard):
             value, scan = readings[n + 3], places[n]
             guard.wake(*readings[n : n + 3])
-            at_end = not self._low[index] < value < self._high[index]
+            at_end = not low < value < high
             gap = scan - scans[n + 2]
             withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
             if withheld:
