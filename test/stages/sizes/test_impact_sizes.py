@@ -74,7 +74,7 @@ def test_a_pit_that_grows_is_followed_at_its_line_and_its_end_foretold() -> None
     line = trend(at_nut)
     assert line.direction == "grows"
     assert line.slope == pytest.approx(limit / 10.0, rel=0.3)
-    assert line.slope > 3.0 * line.slope_sigma
+    assert line.slope > 2.0 * line.slope_sigma
     found = forecast(at_nut)
     assert found is not None
     end = found.crossing(limit)
