@@ -24,7 +24,8 @@ dead changes its speed within a scan: what that can look like is taken off.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -75,3 +76,40 @@ def step_of(x: Any, least: Any, most: Any) -> Any:
 def middle_of(x: Any, k: int, least: Any, most: Any) -> Any:
     """Median of three from ``k`` on."""
     return most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2]))
+
+
+class TurnedPosition(NamedTuple):
+    """A position that the motor turns directly: what it has turned meanwhile is no step.
+
+    An opening of two scans lets a load move it by more than any healthy motion.
+
+    Attributes
+    ----------
+    place
+        Of its test.
+    index, speed
+        Columns of its readings and of those of the speed.
+    way
+        By how much it moves in a scan for one unit of the speed.
+    size
+        The least step that is one.
+    """
+
+    place: int
+    index: int
+    speed: int
+    way: float
+    size: float
+
+    def stand_beside_speed(self, recent: Array, z: Array) -> None:
+        """Take it off the steps that are beyond their limit; ``z`` has shape (n, tests).
+
+        ``recent`` are the readings of these scans and of those before, the last ones last.
+        """
+        for n in np.flatnonzero(np.abs(z[:, self.place]) > 1.0).tolist():
+            read = recent[n : n + 2 * SPAN]
+            apart = read[:, self.index] - self.way * np.cumsum(read[:, self.speed])
+            left = step_of(apart.tolist(), min, max) / self.size
+            up = math.copysign(1.0, z[n, self.place])
+            if up * left < up * z[n, self.place]:
+                z[n, self.place] = up * max(up * left, 0.0)

@@ -37,7 +37,7 @@ from flea_diag.core.sensors.own_readings import (
     train_steps,
     unusual,
 )
-from flea_diag.core.sensors.position_step import SPAN, position_steps, step_of
+from flea_diag.core.sensors.position_step import TurnedPosition, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
 from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
 from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
@@ -159,11 +159,12 @@ class SensorTests:
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
 
-    def _turned_by(self, position: str, way: float) -> tuple[int, int, int, float] | None:
-        """Of the turned position the place of its test, its column, that of the speed, the way."""
+    def _turned_by(self, position: str, way: float) -> TurnedPosition | None:
+        """The position that the motor turns directly, where it is tested beside the speed."""
         for place, index in self._steps:
             if self._names[index] == position and way and self._sensors.speed in self._names:
-                return place, index, self._names.index(self._sensors.speed), way
+                speed = self._names.index(self._sensors.speed)
+                return TurnedPosition(place, index, speed, way, self._limits[index].step)
         return None
 
     def _all_limits(self, count: int, period_s: float) -> Array:
@@ -216,7 +217,7 @@ class SensorTests:
         else:
             anywhere, own, void = self._apart(anywhere, lacks, recent, inside, z, odd)
         if self._turned is not None:
-            self._stand_beside_speed(recent, z, *self._turned)
+            self._turned.stand_beside_speed(recent, z)
         if anywhere or self._watched:
             self._watch(recent, own, (odd, usable, z))
         if void is not None:
@@ -242,21 +243,6 @@ class SensorTests:
         noise = self._noise.own(own, inside)
         z[:, self._places["noise"]] = self._noise.step(inside, noise)
         return anywhere, own, void
-
-    def _stand_beside_speed(
-        self, recent: Array, z: Array, place: int, index: int, speed: int, way: float
-    ) -> None:
-        """Of a step beyond its limit what the motor has turned meanwhile is none.
-
-        An opening of two scans lets a load move it by more than any healthy motion.
-        """
-        for n in np.flatnonzero(np.abs(z[:, place]) > 1.0).tolist():
-            read = recent[n : n + 2 * SPAN]
-            apart = read[:, index] - way * np.cumsum(read[:, speed])
-            left = step_of(apart.tolist(), min, max) / self._limits[index].step
-            up = math.copysign(1.0, z[n, place])
-            if up * left < up * z[n, place]:
-                z[n, place] = up * max(up * left, 0.0)
 
     def _rushes(self, recent: Array, inside: Array) -> Flags:
         """In which scans steps are not judged, shape (n,); their noise is taken out of ``inside``.
