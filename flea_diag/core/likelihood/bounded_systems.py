@@ -39,19 +39,15 @@ class BoundedSystems:
     """Minimise x' A x - 2 b' x for each of m models: A, shape (d, n, n), and b, shape (d, n).
 
     ``models`` are the faults whose sizes come first among the unknowns, and ``places`` says which
-    system is theirs: several may share one and differ in their bounds. Of a size that a model lacks
-    nothing is known, and it is 0.
+    system is theirs: several may share one and differ in their bounds. There are ``count`` sizes
+    among the unknowns; of one that a model lacks nothing is known, and it is 0.
     """
 
     models: Sequence[FaultModel | None]
     places: Sequence[int]
     A: Array
     b: Array
-
-    @cached_property
-    def count(self) -> int:
-        """Most sizes of a model."""
-        return max(map(len, map(_sizes, self.models)))
+    count: int
 
     @cached_property
     def _scaled(self) -> tuple[Array, Array]:
@@ -95,7 +91,7 @@ class BoundedSystems:
         return x
 
     def errors(self, which: Sequence[int]) -> Array:
-        """Standard errors of the sizes of these models, shape (len(which), most sizes)."""
+        """Standard errors of the sizes of these models, shape (len(which), count)."""
         if not self.count or not len(which):
             return np.empty((len(which), self.count))
         needed, places = np.unique([self.places[k] for k in which], return_inverse=True)

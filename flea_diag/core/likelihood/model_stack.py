@@ -71,11 +71,10 @@ class ModelStack:
         weighed = own.transpose(0, 1, 3, 2) * weight[..., entered, None, None]
         A = np.add.reduce(np.matmul(weighed, moments), axis=1)
         b = np.add.reduce(np.matmul(weighed, self.cross)[..., 0], axis=1)
-        systems = BoundedSystems(models, places, A, b)
-        sizes = systems.count
+        sizes = b.shape[-1] - len(unit.vector)
         A[:, sizes:, sizes:] += unit.information
         b[:, sizes:] += unit.vector
-        return systems
+        return BoundedSystems(models, places, A, b, sizes)
 
     def design(self, k: int) -> Array:
         """How sizes and unit parameters enter each residual in one model."""

@@ -24,7 +24,8 @@ with ``F`` what the fault at its size adds to the relations and ``e`` what they 
 is small nothing is known. Where it is large, ``a`` near 1 is *present* and near 0 *absent*; a fault
 comes and goes when it has been absent, between times at which it was present, in windows in which
 it would have shown, and when nothing that stays explains the same windows as well: a fault, another
-unit, or both.
+unit, or both. The windows about the ends of a burst hold some of it, more or less: of what stays
+they say nothing.
 """
 
 from __future__ import annotations
@@ -155,7 +156,9 @@ def recurring(
         found = _weighed(part, inner, prior, usable, reading, whole=True)
         if found:
             return found
-    return _weighed(part, runs, _of_a_part(prior), usable, reading, whole=False)
+    peaks = (run.start + int(part.far[run].argmax()) for run in runs if run.stop - run.start <= 3)
+    told_by = [*inner, *(slice(peak, peak + 1) for peak in peaks)]
+    return _weighed(part, told_by, _of_a_part(prior), usable, reading, whole=False)
 
 
 def _weighed(
@@ -166,6 +169,9 @@ def _weighed(
     loud = np.zeros(len(part.errors), dtype=bool)
     for run in told_by:
         loud[run] = True
+    asked = np.ones(len(part.errors), dtype=bool)
+    for run in bursts(part.far):
+        asked[run] = loud[run]
     sums = _sums(part, loud)
     found = posterior(sums, prior)
     left, shown = _left(part, loud, found.size)
@@ -179,7 +185,7 @@ def _weighed(
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
     nats = marginal_ratio(sums, prior, reaching=True)
-    least = _stays(part, prior) + APART_NATS
+    least = _stays(part, asked, prior) + APART_NATS
     kept = [
         RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, states)
         for k, states in shows
@@ -188,10 +194,9 @@ def _weighed(
     return sorted(kept, key=lambda each: -each.nats)
 
 
-def _stays(part: StreamPart, prior: SizePrior) -> float:
-    """Evidence of what stays and fits all windows best: a fault, another unit, or both."""
-    every = np.ones(len(part.errors), dtype=bool)
-    alone, both = (_sums(part, every, of_unit) for of_unit in (False, True))
+def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> float:
+    """Evidence of what stays and fits these windows best: a fault, another unit, or both."""
+    alone, both = (_sums(part, which, of_unit) for of_unit in (False, True))
     faults, with_unit = (marginal_ratio(s, prior, reaching=True).max() for s in (alone, both))
     return float(max(faults, other_unit(both.own, 1) + max(with_unit, 0.0)))
 

@@ -151,7 +151,7 @@ class RelationCheck(Frozen):
                 design[:, :sizes] = each.columns @ np.array(effects).T
             A, b = A + design.T @ design, b + design.T @ each.z
             square += float(each.z @ each.z)
-        fit = BoundedSystems((model,), (0,), A[None], b[None])
+        fit = BoundedSystems((model,), (0,), A[None], b[None], sizes)
         return fit.solutions[0, sizes:], fit.misfit(0, square)
 
     def _stretches(self, rows: Array, with_columns: bool) -> tuple[list[Stretches], Array]:

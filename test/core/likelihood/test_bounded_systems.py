@@ -47,10 +47,10 @@ def equations(seed: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("seed", range(20))
 def test_side_by_side_and_alone_are_the_same_bits(seed: int) -> None:
     A, b = equations(seed)
-    every = BoundedSystems(MODELS, PLACES, A, b)
+    every = BoundedSystems(MODELS, PLACES, A, b, 2)
     errors = every.errors(range(len(MODELS)))
     for k, (one, own) in enumerate(zip(MODELS, PLACES, strict=True)):
-        alone = BoundedSystems((one,), [0], A[own : own + 1], b[own : own + 1])
+        alone = BoundedSystems((one,), [0], A[own : own + 1], b[own : own + 1], 2)
         assert every.solutions[k].tobytes() == alone.solutions[0].tobytes()
         assert errors[k].tobytes() == alone.errors([0])[0].tobytes()
         assert every.misfit(k, 40.0) == alone.misfit(0, 40.0)
@@ -60,7 +60,7 @@ def test_side_by_side_and_alone_are_the_same_bits(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_free_sizes_are_those_of_least_squares(seed: int) -> None:
     A, b = equations(seed)
-    found = BoundedSystems(MODELS[:1], [0], A, b)
+    found = BoundedSystems(MODELS[:1], [0], A, b, 2)
     scale = np.sqrt(np.diagonal(A[0]))
     root = np.linalg.cholesky(A[0] / scale / scale[:, None]).T
     target = np.linalg.solve(root.T, b[0] / scale)
@@ -83,11 +83,11 @@ def test_models_of_one_system_and_one_set_of_bounds_are_solved_once(
         return least(of, right)
 
     monkeypatch.setattr(bounded_systems, "_least", counted)
-    alone = BoundedSystems((model(NARROW, NARROW),), [0], A[:1], b[:1])
+    alone = BoundedSystems((model(NARROW, NARROW),), [0], A[:1], b[:1], 2)
     expected = alone.solutions[0]
     needed = len(solved)
     assert needed > 1
     solved.clear()
-    twice = BoundedSystems((model(NARROW, NARROW),) * 2, [0, 0], A[:1], b[:1]).solutions
+    twice = BoundedSystems((model(NARROW, NARROW),) * 2, [0, 0], A[:1], b[:1], 2).solutions
     assert len(solved) == needed
     assert [row.tobytes() for row in twice] == [expected.tobytes()] * 2

@@ -203,6 +203,15 @@ def test_a_fault_that_scatters_forgives_a_rough_effect_and_pays_for_it():
     assert scattered.sizes[0] + 0.055 * scattered.sizes[1] == pytest.approx(200.0, rel=0.25)
 
 
+def test_a_fault_that_scatters_has_fewer_sizes_than_those_beside_it():
+    columns = window(4)
+    rough = FaultModel(DRAG.fault, DRAG.sizes[:1], DRAG.terms[:1], roughness=0.5)
+    alone, beside = fits(evidence(effect(DRAG, (200.0, 0.0), columns), columns), (rough, DRAG))
+    assert len(alone.sizes) == 1
+    assert len(beside.sizes) == 2
+    assert alone.sizes[0] == pytest.approx(200.0, rel=0.05)
+
+
 def test_without_evidence_there_is_no_preference():
     for fit in fits(NormalEquations(RESIDUALS, BASIS)):
         assert fit.log_likelihood == pytest.approx(0.0, abs=2.0)
