@@ -242,8 +242,9 @@ def test_attachments_of_an_old_bag_say_what_the_shipped_files_say(tmp_path: Path
     assert after.pop("friction_smooth_speed") * after["screw_ratio"] == pytest.approx(0.004)
     assert before.pop("friction_smooth_speed") == 3.0
     assert before.items() <= after.items()
-    # Nor did a catalogue say how large a fault is, or what people do about it.
-    before_then = {"effects": (), "errors": UNBOUNDED, "response": UNSTATED}
+    # Nor did a catalogue say how large a fault is, what else would, or what people do about it.
+    before_then = {"effects": (), "errors": UNBOUNDED, "response": UNSTATED, "impacts": None,
+                   "sized_by": ""}  # fmt: skip
     old_faults, now = faults(tmp_path / "faults.yaml"), faults(FLEA_STAND / "faults.yaml")
     # A connector of too much resistance has been a fault since.
     unsized = {n: replace(row, **before_then) for n, row in now.items() if n in old_faults}

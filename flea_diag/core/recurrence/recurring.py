@@ -55,7 +55,7 @@ SHOWS = 6.0
 ABSENT = 0.35
 """Share of a fault up to which it is absent."""
 LEAST_TIMES = 3
-"""Times that a fault must have come: what came twice may be two things."""
+"""Times that a fault must have come, and gone: what came twice may be two things."""
 EXPLAINED = 0.5
 """Share of the squares of all bursts that a fault must explain."""
 ONE_WAY = 0.95
@@ -266,8 +266,8 @@ def _comings(states: Places) -> Places:
 
 
 def _comes_and_goes(part: StreamPart, states: Places) -> bool:
-    """Whether it came often enough, whatever direction it moves in."""
-    if len(_comings(states)) < LEAST_TIMES:
+    """Whether it came and went often enough, whatever direction it moves in."""
+    if min(len(_comings(states)), len(_comings(-states))) < LEAST_TIMES:
         return False
     return not any(_parts(way, states) for way in part.ways.T)
 

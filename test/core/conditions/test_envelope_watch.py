@@ -226,7 +226,8 @@ def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
     words = {r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION}
     first = next(r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION)
     assert first.startswith("load_force is 4")
-    assert "N, -141 to 140 N was calibrated: parity_mechanical, parity_mechanical_dn and" in first
+    assert "N, -141 to 140 N was calibrated: " in first
+    assert any(w.startswith("load_force") and "parity_mechanical_dn and" in w for w in words)
     assert first in words
     groups = stands.of(AmbiguityGroup, said)
     assert Outcome.NOT_OBSERVABLE in [g.outcome for g in groups if "load_force is 4" in g.words]
