@@ -87,8 +87,8 @@ class TurnedPosition(NamedTuple):
     ----------
     place
         Of its test.
-    index, speed
-        Columns of its readings and of those of the speed.
+    column, speed
+        Of its readings and of those of the speed.
     way
         By how much it moves in a scan for one unit of the speed.
     size
@@ -96,7 +96,7 @@ class TurnedPosition(NamedTuple):
     """
 
     place: int
-    index: int
+    column: int
     speed: int
     way: float
     size: float
@@ -108,7 +108,7 @@ class TurnedPosition(NamedTuple):
         """
         for n in np.flatnonzero(np.abs(z[:, self.place]) > 1.0).tolist():
             read = recent[n : n + 2 * SPAN]
-            apart = read[:, self.index] - self.way * np.cumsum(read[:, self.speed])
+            apart = read[:, self.column] - self.way * np.cumsum(read[:, self.speed])
             left = step_of(apart.tolist(), min, max) / self.size
             up = math.copysign(1.0, z[n, self.place])
             if up * left < up * z[n, self.place]:
