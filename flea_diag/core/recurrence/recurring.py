@@ -153,25 +153,24 @@ def recurring(
         return []
     inner = [slice(run.start + 1, run.stop - 1) for run in runs if run.stop - run.start > 3]
     if 2 * len(inner) >= len(runs):
-        found = _weighed(part, inner, prior, usable, reading, whole=True)
+        found = _weighed(part, runs, inner, prior, usable, reading, whole=True)
         if found:
             return found
     peaks = (run.start + int(part.far[run].argmax()) for run in runs if run.stop - run.start <= 3)
     told_by = [*inner, *(slice(peak, peak + 1) for peak in peaks)]
-    return _weighed(part, told_by, _of_a_part(prior), usable, reading, whole=False)
+    return _weighed(part, runs, told_by, _of_a_part(prior), usable, reading, whole=False)
 
 
 def _weighed(
-    part: StreamPart, told_by: Sequence[slice], prior: SizePrior, usable: Flags,
-    reading: Sequence[int], whole: bool,
+    part: StreamPart, runs: Sequence[slice], told_by: Sequence[slice], prior: SizePrior,
+    usable: Flags, reading: Sequence[int], whole: bool,
 ) -> list[RecurringFault]:  # fmt: skip
-    """Faults that come and go by these windows; ``whole``: these hold all of a fault."""
-    loud = np.zeros(len(part.errors), dtype=bool)
-    for run in told_by:
-        loud[run] = True
-    asked = np.ones(len(part.errors), dtype=bool)
-    for run in bursts(part.far):
-        asked[run] = loud[run]
+    """Faults that come and go by these windows of the bursts ``runs``.
+
+    ``whole``: they hold all of a fault.
+    """
+    loud = _marked(told_by, len(part.errors))
+    asked = loud | ~_marked(runs, len(loud))
     sums = _sums(part, loud)
     found = posterior(sums, prior)
     left, shown = _left(part, loud, found.size)
@@ -192,6 +191,14 @@ def _weighed(
         if nats[k] > least
     ]
     return sorted(kept, key=lambda each: -each.nats)
+
+
+def _marked(runs: Sequence[slice], count: int) -> Flags:
+    """Which of so many windows are in one of the runs."""
+    marked = np.zeros(count, dtype=bool)
+    for run in runs:
+        marked[run] = True
+    return marked
 
 
 def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> float:

@@ -103,10 +103,8 @@ class WindowRows(Frozen):
     @staticmethod
     def joined(pieces: Sequence[WindowRows]) -> WindowRows:
         """Pieces that follow each other."""
-        raw, errors = (np.concatenate([getattr(p, n) for p in pieces]) for n in ("raw", "errors"))
-        predicted, apart = (
-            np.concatenate([getattr(p, n) for p in pieces]) for n in ("predicted", "apart")
-        )
+        every = ((p.errors, p.raw, p.predicted, p.apart) for p in pieces)
+        errors, raw, predicted, apart = map(np.concatenate, zip(*every, strict=True))
         window = LawWindow.joined([p.window for p in pieces])
         return WindowRows(errors, window, pieces[0].first, raw, predicted, apart)
 

@@ -29,6 +29,8 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.window import Floats, NotComputableError, Window, shared
 
+Flags = npt.NDArray[np.bool_]
+
 ENVELOPE_BAND_HZ = (1500.0, 9500.0)  # the FLEA's, assumption
 BINS_PER_REVOLUTION = 64  # assumption: orders up to 32
 SLOWEST_RAD_S = 10.0
@@ -38,6 +40,8 @@ ORDER_TOLERANCE = 0.03
 """Slip of the balls and error of the kinematics, relative to the order."""
 
 FEWEST_REVOLUTIONS = 2.0  # an order has to repeat
+SURROUNDINGS = 0.3
+"""Distance from a line, relative to it, up to which its surroundings go."""
 SMALLEST_LINE = 4.0
 """A line is named only if it exceeds its surroundings by this ratio of amplitudes."""
 
@@ -64,15 +68,24 @@ def order_spectrum(
     parts = [
         by_angle(rows, window, start, stop, per_revolution) for start, stop in stretches(window)
     ]
-    longest = max(stretch.shape[1] for stretch in parts)
-    size = 2 ** int(np.ceil(np.log2(2 * longest)))
+    size = padded(max(stretch.shape[1] for stretch in parts))
     power = np.zeros((len(rows), size // 2 + 1))
     for stretch in parts:
-        weight = np.hanning(stretch.shape[1] + 2)[1:-1]
-        spectrum = np.fft.rfft(stretch * weight, size, axis=1) * (2.0 / weight.sum())
-        power += np.square(np.abs(spectrum)) * stretch.shape[1]
+        spectrum, weight = transformed(stretch, size)
+        power += np.square(np.abs(spectrum * (2.0 / weight.sum()))) * stretch.shape[1]
     power /= sum(stretch.shape[1] for stretch in parts)
     return np.fft.rfftfreq(size, 1.0 / per_revolution), np.sqrt(power)
+
+
+def padded(bins: int) -> int:
+    """Bins to which a stretch is padded: a power of two, at least twice as many."""
+    return int(2 ** int(np.ceil(np.log2(2 * bins))))
+
+
+def transformed(stretch: Floats, size: int) -> tuple[npt.NDArray[np.complex128], Floats]:
+    """Spectrum of a stretch, shape (axes, bins), padded to ``size``, and its Hann window."""
+    weight = np.hanning(stretch.shape[1] + 2)[1:-1]
+    return np.fft.rfft(stretch * weight, size, axis=1), weight
 
 
 def order_amplitude(order: float) -> Callable[[Window], Floats]:
@@ -143,16 +156,27 @@ def _height(orders: Floats, amplitude: Floats, order: float) -> float:
 
 
 def _over_surroundings(orders: Floats, amplitude: Floats, order: float) -> Floats:
-    """Largest amplitude within the tolerance over the median from 0.7 to 1.3 of the order."""
-    distance = np.abs(orders / order - 1.0)
-    on_line = distance <= max(ORDER_TOLERANCE, 0.51 * orders[1] / order)
-    around = (distance <= 0.3) & (distance > 2.0 * ORDER_TOLERANCE)
-    if orders[-1] < order or not around.any():
-        raise NotComputableError(f"order {order:g} is outside the spectrum of this window")
+    """Largest amplitude within the tolerance over the median of the surroundings."""
+    on_line, around = line_and_surroundings(orders, order)
     surroundings = np.median(amplitude[:, around], axis=1)
     if not (surroundings > 0.0).all():
         raise NotComputableError("an axis is constant: its envelope is zero")
     return np.asarray(amplitude[:, on_line].max(axis=1) / surroundings)
+
+
+def line_and_surroundings(orders: Floats, order: float) -> tuple[Flags, Flags]:
+    """Which bins of a spectrum hold a line, and which are around it.
+
+    Raises
+    ------
+    NotComputableError
+        The order is outside the spectrum.
+    """
+    distance = np.abs(orders / order - 1.0)
+    around = (distance <= SURROUNDINGS) & (distance > 2.0 * ORDER_TOLERANCE)
+    if orders[-1] < order or not around.any():
+        raise NotComputableError(f"order {order:g} is outside the spectrum of this window")
+    return distance <= max(ORDER_TOLERANCE, 0.51 * orders[1] / order), around
 
 
 @shared

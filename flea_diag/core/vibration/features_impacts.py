@@ -30,15 +30,14 @@ import numpy as np
 
 from flea_diag.core.vibration.features_envelope import (
     BINS_PER_REVOLUTION,
-    ORDER_TOLERANCE,
     by_angle,
     envelope,
+    line_and_surroundings,
+    padded,
     stretches,
+    transformed,
 )
-from flea_diag.core.vibration.window import Floats, NotComputableError, Window, shared
-
-SURROUNDINGS = 0.3
-"""Distance from a line, relative to it, up to which its floor is looked for."""
+from flea_diag.core.vibration.window import Floats, Window, shared
 
 
 def line_impacts(line: str) -> Callable[[Window], Floats]:
@@ -62,25 +61,21 @@ def line_impacts(line: str) -> Callable[[Window], Floats]:
 def _spectra(window: Window) -> list[tuple[Floats, Floats, int]]:
     """Of each stretch: orders, squares of a line's bins of each axis, and its length."""
     rows = np.square(envelope(window), dtype=np.float64)
-    found = []
+    found: list[tuple[Floats, Floats, int]] = []
     for start, stop in stretches(window):
         by_bin = by_angle(rows, window, start, stop, BINS_PER_REVOLUTION)
         length = by_bin.shape[1]
-        size = 2 ** int(np.ceil(np.log2(2 * length)))
-        weight = np.hanning(length + 2)[1:-1]
+        size = padded(length)
+        spectrum, weight = transformed(by_bin, size)
         # The bins of a line add up to the square of its amplitude (Parseval).
         scale = 4.0 / (size * float(weight @ weight))
-        power = scale * np.square(np.abs(np.fft.rfft(by_bin * weight, size, axis=1)))
+        power = scale * np.square(np.abs(spectrum))
         found.append((np.fft.rfftfreq(size, 1.0 / BINS_PER_REVOLUTION), power, length))
     return found
 
 
 def _square(power: Floats, orders: Floats, order: float) -> float:
-    distance = np.abs(orders / order - 1.0)
-    on_line = distance <= max(ORDER_TOLERANCE, 0.51 * orders[1] / order)
-    around = (distance <= SURROUNDINGS) & (distance > 2.0 * ORDER_TOLERANCE)
-    if orders[-1] < order or not around.any():
-        raise NotComputableError(f"order {order:g} is outside the spectrum of this window")
+    on_line, around = line_and_surroundings(orders, order)
     # Bins of noise are exponential: their mean by their median, which another line hardly moves.
     floors = np.median(power[:, around], axis=1, keepdims=True) / math.log(2.0)
     return float((power[:, on_line] - floors).sum())

@@ -21,12 +21,10 @@ from collections.abc import Mapping
 from flea_diag.core.faults.fault import Fault
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.isolator.parameters import Knowledge
-from flea_diag.stages.sizes.impact_sizes import ImpactSizes
+from flea_diag.stages.sizes.impact_sizes import TAKEN, ImpactSizes
 from flea_diag.stages.sizes.recording_sizes import RecordingSize, RecordingSizes
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
-from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, VibrationBlock
-
-MOTION = (ChannelTable, Scan, ScanBlock, VibrationBlock)
+from flea_diag.wire.records import Record, Residual
 
 
 class AllSizes:
@@ -66,7 +64,7 @@ class AllSizes:
         if isinstance(record, (Residual, ResidualBlock)):
             if self._relations is not None:
                 self._relations.add(record)
-        elif isinstance(record, MOTION) and self._impacts is not None:
+        elif isinstance(record, TAKEN) and self._impacts is not None:
             self._impacts.add(record)
 
     def sizes(self) -> tuple[RecordingSize, ...]:
@@ -78,8 +76,7 @@ class AllSizes:
     @property
     def lacks(self) -> str:
         """Why the last recording has no impacts, where the fault has some; empty: it has."""
-        known = self._impacts is None or self._impacts.sizes()
-        return "" if known or self._impacts is None else self._impacts.why_none
+        return "" if self._impacts is None else self._impacts.lacks
 
 
 def _would(fault: Fault | None) -> str:

@@ -23,9 +23,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Impacts
@@ -44,6 +45,8 @@ from flea_diag.wire.records import (
     VibrationBlock,
 )
 
+Array = npt.NDArray[np.float64]
+
 LINES = ("nut", "screw", "ball")
 """Of the ball screw, whose raceways and balls pit; those that the kinematics of the stand give."""
 WINDOW_S = 1.0
@@ -51,31 +54,12 @@ WINDOW_S = 1.0
 LEAST_WINDOWS = 6
 """A scatter of fewer says little: 6 s in motion."""
 
-Record = ChannelTable | Scan | ScanBlock | VibrationBlock
-
-
-@dataclass
-class _Windows:
-    """Windows in motion: speed in units of the reference, and amplitudes of one line."""
-
-    paces: list[float] = field(default_factory=list)
-    amplitudes: list[float] = field(default_factory=list)
-
-    def size(self) -> tuple[float, float]:
-        """Amplitude at the reference speed and its standard error, by how windows scatter."""
-        paces, found = np.array(self.paces), np.array(self.amplitudes)
-        square = float(paces @ paces)
-        size = float(paces @ found) / square
-        left = paces * (found - size * paces)
-        spread = len(paces) / (len(paces) - 1.0) * float(left @ left)
-        return size, math.sqrt(spread) / square
+TAKEN = (ChannelTable, Scan, ScanBlock, VibrationBlock)
+"""Kinds of records that tell of impacts."""
 
 
 class ImpactSizes:
-    """Takes scans and vibration of one recording after the other; ``sizes`` of the last begun.
-
-    ``why_none``: why the last recording has no size, if it has none.
-    """
+    """Takes ``TAKEN`` of one recording after the other; ``sizes`` of the last begun."""
 
     def __init__(
         self, impacts: Impacts, table: FaultFeatureTable, orders: Mapping[str, float]
@@ -88,10 +72,19 @@ class ImpactSizes:
     def begin(self) -> None:
         """Another recording."""
         self._extractor = ExtractorStage(self._table)
-        self._found = {line: _Windows() for line in self._lines}
+        self._amplitudes: dict[str, list[float]] = {line: [] for line in self._lines}
         self._points: list[VibrationOperatingPoint] = []
         self._next_ns, self._step = -1, 0
-        self.why_none = f"no vibration of {self._impacts.accelerometer} was recorded"
+        self._why_none = f"no vibration of {self._impacts.accelerometer} was recorded"
+
+    @property
+    def lacks(self) -> str:
+        """Why the recording has no size; empty: it has."""
+        return "" if self._is_enough else self._why_none
+
+    @property
+    def _is_enough(self) -> bool:
+        return bool(self._lines) and len(self._points) >= LEAST_WINDOWS
 
     @property
     def load_n(self) -> float:
@@ -99,14 +92,14 @@ class ImpactSizes:
         loads = [point.load_n for point in self._points if math.isfinite(point.load_n)]
         return float(np.median(loads)) if loads else math.nan
 
-    def add(self, record: Record) -> None:
+    def add(self, record: ChannelTable | Scan | ScanBlock | VibrationBlock) -> None:
         """Scans and vibration in the order of their times."""
         if isinstance(record, ScanBlock):
             self._extractor.handle_block(record)
         else:
             self._extractor.handle(record)
         if isinstance(record, VibrationBlock) and self._next_ns < 0:
-            self.why_none = "nothing moved for long enough"
+            self._why_none = "nothing moved for long enough"
             self._next_ns = record.stamp_ns + round(SETTLES_S * SECOND_NS)
         length_ns = round(WINDOW_S * SECOND_NS)
         while self._next_ns >= 0 and self._covers(self._next_ns + length_ns):
@@ -125,12 +118,11 @@ class ImpactSizes:
         answers = {line: self._answer(line, start_ns, end_ns) for line in self._lines}
         why_not = next((a.reason for a in answers.values() if math.isnan(a.value)), "")
         if why_not:
-            self.why_none = why_not
+            self._why_none = why_not
             return
         self._points.append(point)
         for line, answer in answers.items():
-            self._found[line].paces.append(point.speed_rad_s / SPEED_UNIT_RAD_S)
-            self._found[line].amplitudes.append(answer.value)
+            self._amplitudes[line].append(answer.value)
 
     def _answer(self, line: str, start_ns: int, end_ns: int) -> FeatureValue:
         self._step += 1
@@ -142,11 +134,24 @@ class ImpactSizes:
 
     def sizes(self) -> tuple[RecordingSize, ...]:
         """One for each line; none of a recording with too little motion or without vibration."""
-        if len(self._points) < LEAST_WINDOWS:
+        if not self._is_enough:
             return ()
-        found = []
-        for line, windows in self._found.items():
-            size, own = windows.size()
+        paces = np.array([point.speed_rad_s / SPEED_UNIT_RAD_S for point in self._points])
+        found, load_n = [], self.load_n
+        for line, amplitudes in self._amplitudes.items():
+            size, own = _at_unit_speed(paces, np.array(amplitudes))
             of = Size(f"impacts at the {line} line", "m/s^2", 0.0, math.inf, self._impacts.limit)
-            found.append(RecordingSize(of, size, SizeError(own, (0.0,)), self.load_n))
+            found.append(RecordingSize(of, size, SizeError(own, (0.0,)), load_n))
         return tuple(found)
+
+
+def _at_unit_speed(paces: Array, amplitudes: Array) -> tuple[float, float]:
+    """Amplitude at the reference speed and its standard error, by how windows scatter.
+
+    ``paces``: speeds of the windows in units of that speed.
+    """
+    square = float(paces @ paces)
+    size = float(paces @ amplitudes) / square
+    left = paces * (amplitudes - size * paces)
+    spread = len(paces) / (len(paces) - 1.0) * float(left @ left)
+    return size, math.sqrt(spread) / square
