@@ -24,6 +24,7 @@ from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection.detection import Detector, TestResults
+from flea_diag.core.detection.symbols import MIXED
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -215,3 +216,28 @@ def test_a_limit_that_grows_makes_no_deviation_smaller():
     found.z[:, :2], found.growth[:] = 4.0, 1.5
     found.shift[:, 1] = 0.3  # its limit does not grow
     assert [found.test(j)[0] for j in (0, 1)] == [6.0, 4.0]
+
+
+def test_a_statistic_at_its_limit_does_not_exceed_it():
+    results = TestResults(4)
+    results.z[0] = 3.0, -3.0, 3.0001, -3.0001
+    results.k[0] = 3.0
+    assert results.deviating()[0].tolist() == [False, False, True, True]
+    assert [results.symbol(index) for index in range(4)] == ["0", "0", "+", "-"]
+
+
+def test_a_mean_has_a_direction_once_motion_in_it_has_lasted_for_its_window():
+    results = TestResults(2, scans=4)
+    results.window[:] = 3.0
+    results.way = (1, -1, 1, 0), (2, 3, 4, 4)
+    results.directed = frozenset({0})
+    np.testing.assert_array_equal(results.direction(0), [MIXED, -1.0, 1.0, MIXED])
+    assert results.direction(1).tolist() == [0.0] * 4
+
+
+def test_a_statistic_is_told_in_sigmas_of_the_calibration_but_that_of_a_shift():
+    results = TestResults(2)
+    results.z[0], results.k[0], results.window[0], results.growth[0] = 4.0, 3.0, 50.0, 1.5
+    results.shift[0, 1] = 0.2
+    assert results.test(0) == (6.0, (50.0, 3.0, 0.0))
+    assert results.test(1) == (4.0, (50.0, 3.0, 0.0))

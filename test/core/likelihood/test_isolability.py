@@ -70,3 +70,37 @@ def test_what_a_bad_channel_takes_away() -> None:
     assert computable(RESIDUALS, (*ALL, DRIVE), ("commanded_voltage",)) == ALL
     assert computable(RESIDUALS, ALL, ("motor_current",)) == FORCES[1:]
     assert computable(RESIDUALS, ALL, ("load_position",)) == ALL
+
+
+def test_terms_of_one_size_on_one_signal_add_up_and_what_shows_nowhere_is_like_nothing() -> None:
+    def made(fault: str, *terms: tuple[str, float]) -> FaultModel:
+        shown = tuple(Term(MECHANICAL, name, gain, 0) for name, gain in terms)
+        return FaultModel(fault, (Size("size", "1", -1.0, 1.0),), shown)
+
+    models = (
+        made("once", ("one", 3.0), ("load_force", 1.0)),
+        made("twice", ("one", 1.0), ("one", 2.0), ("load_force", 1.0)),
+        made("other", ("one", 2.0), ("load_force", 1.0)),
+        made("nowhere"),
+        made("nothing"),
+    )
+    assert not isolable(models, ("once", "twice"), (MECHANICAL,))
+    assert isolable(models, ("once", "other"), (MECHANICAL,))
+    assert isolable(models, ("twice", "other"), (MECHANICAL,))
+    assert isolable(models, ("once", "nowhere"), (MECHANICAL,))
+    assert isolable(models, ("nowhere", "nothing"), (MECHANICAL,))
+
+
+def test_a_fault_of_one_size_is_told_from_one_of_two_that_may_look_like_it() -> None:
+    def made(fault: str, *gains: tuple[float, float]) -> FaultModel:
+        sizes = tuple(Size(str(k), "1", -1.0, 1.0) for k in range(len(gains)))
+        terms = tuple(
+            Term(MECHANICAL, name, gain, k)
+            for k, pair in enumerate(gains)
+            for name, gain in zip(("one", "load_force"), pair, strict=True)
+        )
+        return FaultModel(fault, sizes, terms)
+
+    models = made("line", (1.0, 0.0)), made("plane", (1.0, 0.0), (0.0, 1.0))
+    assert isolable(models, ("line", "plane"), (MECHANICAL,))
+    assert isolable(models, ("plane", "line"), (MECHANICAL,))

@@ -114,3 +114,84 @@ def test_units_have_means_of_their_own_and_a_new_one_is_about_that_of_the_design
     new = levels.of_unit(99)
     assert new.mean[0] == pytest.approx(np.mean(offsets), abs=0.2)
     assert np.sqrt(new.covariance[0, 0]) > 1.0
+
+
+def units_of_three():
+    """Recordings of three units of two, three and four, and their sums."""
+    rng = np.random.default_rng(6)
+    offsets, groups = (0.7, -1.1, 0.2), np.repeat([0, 1, 2], [2, 3, 4])
+    made, parts = [], []
+    for unit, off in enumerate(offsets):
+        data, sums = drawn(rng, np.array([off, 1.0]), 0.3, int((groups == unit).sum()))
+        made += data
+        parts += [sums[k] for k in range(len(sums))]
+    levels = UnitLevels.of(
+        RunSums.stacked(parts), prior_of(0.2), np.array([0.8, 0.1]), np.array([4.0, 9.0]), groups
+    )
+    return made, levels
+
+
+def dense_mean_of_a_unit(made, levels, unit, left_out=-1):
+    """Mean and covariance of a unit's mean by one Gaussian over all coefficients at once.
+
+    The coefficients are the mean of the design, that of the unit and of each unit that was
+    recorded; every recording is a row of data whose covariance is written out.
+    """
+    units = [*levels.units] if unit in levels.units else [*levels.units, unit]
+    size = 2 + 2 * len(units)
+    prior = np.kron(np.eye(1 + len(units)), np.eye(2)) * 0.0
+    prior[:2, :2] = np.diag(levels.mean_prior)
+    for place in range(len(units)):
+        prior[2 + 2 * place : 4 + 2 * place, 2 + 2 * place : 4 + 2 * place] = np.diag(
+            levels.unit_variance
+        )
+    information, vector = np.linalg.inv(prior), np.zeros(size)
+    for place, ((x, y), group) in enumerate(zip(made, levels.groups, strict=True)):
+        if place == left_out:
+            continue
+        at = units.index(int(group))
+        wide = np.zeros((len(y), size))
+        wide[:, :2] = wide[:, 2 + 2 * at : 4 + 2 * at] = x
+        noise = x @ np.diag(levels.variance) @ x.T + NOISE**2 * np.eye(len(y))
+        information += wide.T @ np.linalg.solve(noise, wide)
+        vector += wide.T @ np.linalg.solve(noise, y)
+    covariance = np.linalg.inv(information)
+    mean, at = covariance @ vector, units.index(unit)
+    pick = np.zeros((2, size))
+    pick[:, :2] = pick[:, 2 + 2 * at : 4 + 2 * at] = np.eye(2)
+    return pick @ mean, pick @ covariance @ pick.T
+
+
+@pytest.mark.parametrize(("unit", "left_out"), [(0, -1), (1, 3), (2, 8), (7, -1)])
+def test_the_mean_of_a_unit_is_that_of_the_whole_gaussian(unit, left_out):
+    made, levels = units_of_three()
+    found = levels.of_unit(unit, left_out)
+    mean, covariance = dense_mean_of_a_unit(made, levels, unit, left_out)
+    assert found.mean == pytest.approx(mean, rel=1e-6)
+    assert found.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
+    assert found.variance == pytest.approx(
+        levels.variance if left_out < 0 else levels.known.likely(left_out)
+    )
+
+
+def test_a_design_without_a_unit_is_that_of_the_others_alone():
+    _, levels = units_of_three()
+    rest = np.flatnonzero(levels.groups != 1)
+    alone = replace(levels, sums=levels.sums[rest], groups=levels.groups[rest])
+    for found, other in zip(levels.design(without=1), alone.design(), strict=True):
+        assert found == pytest.approx(other)
+    assert levels.design()[0] != pytest.approx(alone.design()[0])
+
+
+def test_what_is_left_beside_freed_coefficients_is_the_whole_gaussian():
+    rng = np.random.default_rng(8)
+    variance = np.array([0.5, 0.0])
+    ((x, y),), sums = drawn(rng, 0.3, 0.5, 1)
+    freed, noise = sums.freed(variance)[0], x @ np.diag(variance) @ x.T + NOISE**2 * np.eye(len(y))
+    assert freed.gram == pytest.approx(x.T @ np.linalg.solve(noise, x))
+    assert freed.cross == pytest.approx(x.T @ np.linalg.solve(noise, y))
+    nats = freed.log_scale - 0.5 * freed.square - 0.5 * len(y) * np.log(2.0 * np.pi)
+    assert nats == pytest.approx(multivariate_normal(np.zeros(len(y)), noise).logpdf(y))
+    first = sums.first(1)
+    assert first.gram[0] == pytest.approx(x[:, :1].T @ x[:, :1] / NOISE**2)
+    assert first.cross[0] == pytest.approx(x[:, :1].T @ y / NOISE**2)
