@@ -53,8 +53,9 @@ KINDS = ("ReplaceComparisonOperator", "ReplaceBinaryOperator", "AddNot", "Replac
          "ReplaceOrWithAnd", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "NumberReplacer",
          "ZeroIterationForLoop", "ReplaceBreakWithContinue",
          "ReplaceContinueWithBreak")  # fmt: skip
-UNUSED = ("_BitOr_", "_Is", "Mod", "Pow", "Shift", "_BitXor", "_BitAnd", "_FloorDiv")
-"""A bar is mostly that of a type, ``is`` mostly asks for None, and the others nobody mistypes."""
+UNUSED = ("_BitOr", "_Is", "Mod", "Pow", "Shift", "_BitXor", "_BitAnd", "_FloorDiv")
+"""A bar is mostly that of a type and of numbers an error that any run shows, ``is`` mostly asks for
+None, and the others nobody mistypes."""
 COPIED = (
     "flea_diag",
     "flea_sim_driver",

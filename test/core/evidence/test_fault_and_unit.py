@@ -350,3 +350,17 @@ def test_a_large_deviation_says_little_of_the_noise_that_relations_share() -> No
         second[beyond] = steps[-1].deviations[1]
     assert abs(second[1.0] - second[0.0]) > 0.2
     assert abs(second[100.0] - second[0.0]) < 5.0
+
+
+def test_a_relation_shares_no_noise_with_one_that_has_no_value() -> None:
+    values = drawn(30, seed=10)
+    values[:, 0] = np.nan
+    known = hypotheses()
+    apart = replace(known, noise=replace(known.noise, shared=np.zeros((2, 2))))
+    streams = WhiteStream(known), WhiteStream(apart)
+    for window in windows(values):
+        one, other = (stream.step(window) for stream in streams)
+        for found, expected in ((one.own[1], other.own[1]), (one.faults[1], other.faults[1])):
+            np.testing.assert_array_equal(found, expected)
+        assert one.errors[1] == other.errors[1]
+        assert np.isnan(one.errors[0])
