@@ -39,8 +39,8 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
-ShiftInput = tuple[tuple[Array, Array], Flat, Memory, Array]
-"""What ``mean_shift_test_loops`` takes beside residuals."""
+ShiftInput = tuple[bool, tuple[Array, Array], Flat, Memory, Array]
+"""Whether shifts are judged at all, and what ``mean_shift_test_loops`` takes beside residuals."""
 TESTS = CHANGE, TOLERANCE, METRIC, VARIANCE, BETWEEN, LIMIT, COLUMNS, PLACES, GATED = range(9)
 """Of what is tested: change and tolerance of the unit's parameters, metric of the loads, variance,
 that between recordings, and limit; columns of values, places of spreads, and which count in motion

@@ -141,13 +141,13 @@ class MeanShiftTest:
     def input(
         self, count: int, leverage: Array | None = None, loads: Array | None = None
     ) -> ShiftInput | None:
-        """What compiled loops take to judge means of n scans; None where they judge none."""
-        if self._says_nothing or not self._compiled:
+        """What compiled loops take to judge means of n scans; None where none are compiled."""
+        if not self._compiled:
             return None
         anyload, anywhere = self._nowhere
         place = anyload if loads is None else loads, anywhere if leverage is None else leverage
         found = np.empty((2, count, *self._k.shape))
-        return place, self._state.flat, self._level.room(count), found
+        return not self._says_nothing, place, self._state.flat, self._level.room(count), found
 
     def step(
         self,
@@ -234,7 +234,7 @@ class MeanShiftTest:
         given = self.input(len(rows), leverage, loads)
         assert given is not None
         loops = backends.exact(*MEAN_SHIFT_LOOPS)
-        beyond = loops((rows.values, rows.spread, rows.moving), *given)
+        beyond = loops((rows.values, rows.spread, rows.moving), *given[1:])
         return *given[-1], beyond
 
     def _z(

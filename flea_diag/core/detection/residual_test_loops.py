@@ -40,8 +40,9 @@ def residual_test_loops(
 ) -> bool:  # fmt: skip
     """Z-tests, then mean-shift tests; whether any shift is beyond its limit."""
     z_test_loops(rows, moving, groups, results)
-    place, tests, memory, found = shift
-    return mean_shift_test_loops((rows[0], rows[3], moving), place, tests, memory, found)
+    judges, place, tests, memory, found = shift
+    table = rows[0], rows[3], moving
+    return judges and mean_shift_test_loops(table, place, tests, memory, found)
 
 
 @cache
