@@ -21,17 +21,17 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flat_state import Flat, FlatState
 from flea_diag.core.row_ring import RowRing
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-Seen = tuple[Counts, Counts, Counts, Counts]
-"""Of each column how long its window and its gap are, how many rows each window has seen, and the
-longest gap."""
-Memory = tuple[tuple[Array, Flags, Array], tuple[Counts, Counts, Counts], Counts, Seen]
-"""Stores of values and of validity, and the sums; where the rows of both end, and rows of this lap;
-the lengths of the windows; what is counted of each column."""
+Memory = tuple[tuple[Array, Flags], tuple[Counts, Counts], Flat]
+"""Stores of values and of validity, where the rows of both end, and the tables of ``MEANS``."""
+MEANS = SUMS, LENGTHS, LAP, RUN, GAP, LONGEST, SEEN = range(7)
+"""Sums of each window; lengths of the windows, and rows of this lap; of each column how long its
+window and its gap are, the longest gap, and how many rows each window has seen."""
 
 
 class WindowedMeans:
@@ -51,19 +51,23 @@ class WindowedMeans:
         self._divisors = self._lengths[:, None].astype(float)
         self._rows = RowRing(columns, windows)
         self._valid = RowRing(columns, self.windows, bool)
-        self._sums = np.zeros((len(self.windows), columns))
-        self._longest: Counts = np.broadcast_to(longest_gap, columns).astype(np.int64)
-        self._run, self._gap = np.zeros(columns, dtype=np.int64), self._longest + 1
-        self._seen = np.zeros((len(self.windows), columns), dtype=np.int64)
+        longest: Counts = np.broadcast_to(longest_gap, columns).astype(np.int64)
+        none = np.zeros((len(self.windows), columns))
+        self._state = FlatState(
+            {"sums": none},
+            {
+                "lengths": self._lengths, "lap": 0, "run": np.zeros(columns), "gap": longest + 1,
+                "longest": longest, "seen": none,
+            },
+        )  # fmt: skip
         self._whole_for = 0
-        self._lap = np.zeros(1, dtype=np.int64)
 
     def push(self, rows: Array) -> Array:
         """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
 
         NaN until a window is as long as it should be.
         """
-        lap = self._lap.item()
+        lap = self._state.table["lap"].item()
         if lap + len(rows) <= self._size:
             return self._push(rows)
         cuts = range(self._size - lap, len(rows), self._size)
@@ -75,23 +79,23 @@ class WindowedMeans:
         whole = bool(valid.all())
         clean = rows if whole else np.where(valid, rows, 0.0)
         left = self._valid.push(valid)
-        sums = clean[:, None, :] - self._rows.push(clean)
-        sums[0] += self._sums
+        sums, held = clean[:, None, :] - self._rows.push(clean), self._state.table
+        sums[0] += held["sums"]
         if len(rows) > 1:
             np.cumsum(sums, axis=0, out=sums)
-        self._lap[0] = (self._lap.item() + len(rows)) % self._size
-        if not self._lap.item():
+        held["lap"][...] = (held["lap"].item() + len(rows)) % self._size
+        if not held["lap"].item():
             sums[-1] = self._formed_anew()
-        self._sums = sums[-1].copy()
+        held["sums"][:] = sums[-1]
         # Nothing has been missing for long, and nothing is now: no need to look.
         if whole and self._whole_for >= self._size:
-            self._run += len(rows)
+            held["run"] += len(rows)
             means: Array = sums / self._divisors
             return means
         seen = valid[:, None, :].astype(np.int64) - left
-        seen[0] += self._seen
+        seen[0] += held["seen"]
         seen = np.cumsum(seen, axis=0)
-        self._seen = seen[-1].copy()
+        held["seen"][:] = seen[-1]
         bad = np.flatnonzero(~valid.all(axis=1))
         self._whole_for = len(rows) - 1 - int(bad[-1]) if len(bad) else self._whole_for + len(rows)
         return self._means(sums, seen, self._runs(valid)[:, None, :])
@@ -104,18 +108,18 @@ class WindowedMeans:
     def memory(self) -> Memory:
         """The state, for ``z_test_loops`` to go on with."""
         self._whole_for = 0
-        stores = self._rows.store, self._valid.store, self._sums
-        counts = self._run, self._gap, self._seen, self._longest
-        return stores, (self._rows.end, self._valid.end, self._lap), self._lengths, counts
+        stores = self._rows.store, self._valid.store
+        return stores, (self._rows.end, self._valid.end), self._state.flat
 
     def _runs(self, valid: Flags) -> Counts:
         """How many rows there are since the last gap that was too long, shape (n, columns)."""
+        held = self._state.table
         number = np.arange(1, len(valid) + 1)[:, None]
         last = np.maximum.accumulate(np.where(valid, number, 0), axis=0)
-        gap = number - last + np.where(last == 0, self._gap, 0)
-        ended = np.maximum.accumulate(np.where(gap > self._longest, number, 0), axis=0)
-        runs: Counts = number - ended + np.where(ended == 0, self._run, 0)
-        self._run, self._gap = runs[-1], np.minimum(gap[-1], self._longest + 1)
+        gap = number - last + np.where(last == 0, held["gap"], 0)
+        ended = np.maximum.accumulate(np.where(gap > held["longest"], number, 0), axis=0)
+        runs: Counts = number - ended + np.where(ended == 0, held["run"], 0)
+        held["run"][:], held["gap"][:] = runs[-1], np.minimum(gap[-1], held["longest"] + 1)
         return runs
 
     def _formed_anew(self) -> Array:
@@ -129,19 +133,21 @@ class WindowedMeans:
         for values, weight in zip(rows[:, others].T, weights, strict=True):
             change += values * weight
         rows[:, column] += change * valid[:, column]
-        self._sums = self._formed_anew()
+        self._state.table["sums"][:] = self._formed_anew()
 
     def means(self) -> Array:
         """Means as they are now, shape (windows, columns)."""
-        return self._means(self._sums, self._seen, self._run)
+        held = self._state.table
+        return self._means(held["sums"], held["seen"], held["run"])
 
     def clear(self, columns: Sequence[int] | None = None) -> None:
         """Forget all columns, or only some (a channel that turned out to be bad)."""
         which = slice(None) if columns is None else list(columns)
-        for store in (self._rows.last(self._size), self._valid.last(self._size), self._sums):
+        held = self._state.table
+        for store in (self._rows.last(self._size), self._valid.last(self._size), held["sums"]):
             store[:, which] = 0
-        self._run[which], self._gap[which] = 0, self._longest[which] + 1
-        self._seen[:, which] = 0
+        held["run"][which], held["gap"][which] = 0, held["longest"][which] + 1
+        held["seen"][:, which] = 0
         self._whole_for = 0
 
 

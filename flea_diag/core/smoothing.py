@@ -26,11 +26,14 @@ its own, and that kernel says by how much noise is amplified.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from flea_diag.core.row_ring import RowRing
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -100,7 +103,8 @@ class Smoother:
         self._kernels = hann_kernels(length, period_s)
         self._length, self._period_s = length, period_s
         self._wait, self._refused_for = length - 1, 0
-        self._before = np.full((length - 1, channels), np.nan)
+        self._rows = RowRing(channels, (length,))
+        self._rows.store[:] = np.nan
 
     def push(self, rows: Array, refused: Flags | None = None) -> tuple[Array, Array | None]:
         """Take rows, shape (n, channels), with n = 1 live and many in a replay.
@@ -112,10 +116,16 @@ class Smoother:
         derivatives : shape (n, 3, channels), each at its delayed centre
         noise : of the same shape, standard deviation in times that without gaps; None: 1
         """
+        if len(rows) == 1 and refused is None and not (self._wait or self._refused_for):
+            window = self._kept(rows)
+            smooth = np.matmul(self._kernels, window[None])
+            if not math.isnan(sum(smooth[0, 0].tolist())):
+                return smooth, None
+            return smooth, bridge(window, smooth, self._period_s)
         if refused is not None and refused.any():
             rows, self._refused_for = np.where(refused, np.inf, rows), len(rows) + self._length
-        recent = np.concatenate((self._before, rows))
-        self._before = recent[len(rows) :]
+        recent = np.concatenate((self._rows.last(self._length - 1), rows))
+        self._kept(recent[-self._length :])
         known = np.where(np.isinf(recent), np.nan, recent) if self._refused_for else recent
         self._refused_for = max(self._refused_for - len(rows), 0)
         # One product of the same shape for each row, whatever n is: the same last bits.
@@ -123,9 +133,16 @@ class Smoother:
         wait, self._wait = self._wait, max(self._wait - len(rows), 0)
         return smooth, bridge(recent, smooth, self._period_s, wait)
 
+    def _kept(self, rows: Array) -> Array:
+        """Keep some rows; a window up to the last of them."""
+        at = self._rows.place(len(rows))
+        end = at + len(rows)
+        self._rows.store[at:end] = rows
+        return self._rows.store[end - self._length : end]
+
     def clear(self) -> None:
         """Clear the window; the next ``length - 1`` results are NaN."""
-        self._before = np.full_like(self._before, np.nan)
+        self._rows.last(self._length)[:] = np.nan
         self._wait = self._length - 1
 
 

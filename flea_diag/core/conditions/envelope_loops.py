@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.flat_state import FLAT, Flat, counts_of, numbers_of
 from flea_diag.core.residuals.leverage import LeverageBasis
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import STRANGE
@@ -46,7 +47,7 @@ def glance_of(known: RelationSet) -> Callable[..., tuple[bool, bool]]:
     """``envelope_loops`` with the functions of this set, compiled."""
     regressors, supplies = LeverageBasis(known).flat, known.functions["supplies"]
     loop = backends.bound(envelope_loops, regressors=regressors, supplies=supplies)
-    made: Callable[..., tuple[bool, bool]] = backends.exact(loop, regressors, supplies)
+    made: Callable[..., tuple[bool, bool]] = backends.exact(loop, regressors, supplies, *FLAT)
     return made
 
 
@@ -58,23 +59,44 @@ def _unbound(p: Any, x: Array) -> Any:
 regressors = supplies = _unbound
 
 
+TABLES = (
+    ROOT,
+    FAR,
+    HOT,
+    FADE,
+    MEANS,
+    MOST,
+    ENDS,
+    WHICH,
+    ALONG,
+    STARTS,
+    SUPPLYING,
+    READ,
+    AT,
+    LOADS,
+) = range(14)
+"""Root of the leverages; limits of these and of the stores; share of a scan, the means (3, stores)
+of ``Heating``, and the most that was seen; ends of the signals that supply and of those that
+compared speeds are read by. Then the regressor of each column of psi, whether it is times the
+position, and where each relation begins; these signals; the channel of the position, -1 without
+one, and which columns of psi are loads."""
+
+
 def envelope_loops(
-    parameters: npt.NDArray[np.void], signals: Array, position: Array,
-    basis: tuple[Counts, Flags, Counts, Array], limits: tuple[Array, Array],
-    heating: tuple[float, Array, Array], ranges: tuple[Counts, Counts, Array],
-    first_load: int, told: tuple[Array, Array, Array],
+    parameters: npt.NDArray[np.void], signals: Array, rows: Array, tables: Flat,
+    told: tuple[Array, Array, Array],
 ) -> tuple[bool, bool]:  # fmt: skip
     """Scan after scan; whether all are surely within, and whether any speed may be beyond.
 
-    ``basis``: regressor of each column of psi, whether it is times the position, where each
-    relation begins, and the root. ``limits``: of the leverages, and of the stores. ``heating``:
-    the share of a scan, the means (3, stores) of ``Heating``, and the most that was seen.
-    ``ranges``: signals that supply, those that compared speeds are read by, and the ends of both.
     ``told`` is to be filled: loads, shares of the supply, and what ``Heating`` gives.
     """
-    which, along, starts, root = basis
-    fade, means, most = heating
-    supplying, read, ends = ranges
+    root, ends = numbers_of(tables, ROOT), numbers_of(tables, ENDS)
+    far, hot = numbers_of(tables, FAR)[0], numbers_of(tables, HOT)[0]
+    fade, means = numbers_of(tables, FADE)[0, 0], numbers_of(tables, MEANS)
+    most, which = numbers_of(tables, MOST)[0], counts_of(tables, WHICH)[0]
+    along, starts = counts_of(tables, ALONG)[0], counts_of(tables, STARTS)[0]
+    supplying, read = counts_of(tables, SUPPLYING)[0], counts_of(tables, READ)[0]
+    at, first_load = counts_of(tables, AT)[0, 0], counts_of(tables, LOADS)[0, 0]
     loads, shares, heat = told
     stores, width = len(most), len(which)
     within, fast = True, False
@@ -83,7 +105,8 @@ def envelope_loops(
         x = signals[i]
         phi = regressors(parameters[0], x)[0]
         for k in range(width):
-            psi[k] = position[i] * phi[which[k]] if along[k] else phi[which[k]]
+            position = rows[i, at] if at >= 0 else 0.0
+            psi[k] = position * phi[which[k]] if along[k] else phi[which[k]]
         for k in range(loads.shape[1]):
             loads[i, k] = psi[first_load + k]
         for r in range(len(starts)):
@@ -94,7 +117,7 @@ def envelope_loops(
                 for a in range(starts[r], end):
                     seen += psi[a] * root[a, b]
                 leverage += seen * seen
-            within &= not leverage > SURELY * limits[0][r]
+            within &= not leverage > SURELY * far[r]
         beyond = False
         for k in range(len(supplying)):
             beyond |= x[supplying[k]] < ends[k, 0] or x[supplying[k]] > ends[k, 1]
@@ -107,10 +130,10 @@ def envelope_loops(
             means[2, s] += fade * ((0.0 if beyond else flow) - means[2, s])
             strange = abs(means[2, s]) / most[s] > STRANGE
             heat[i, s], heat[i, stores + s] = math.nan if strange else shares[i, s], means[1, s]
-            within &= not shares[i, s] * shares[i, s] > limits[1][s]
+            within &= not shares[i, s] * shares[i, s] > hot[s]
         every = len(read) > 0
         for k in range(len(read)):
-            low, high = ends[len(supplying) + k]
+            low, high = ends[len(supplying) + k, 0], ends[len(supplying) + k, 1]
             every &= x[read[k]] < low or x[read[k]] > high
         fast |= every
     return within, fast

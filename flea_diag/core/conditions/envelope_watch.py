@@ -41,6 +41,7 @@ from flea_diag.core import backend as backends
 from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.envelope_loops import glance_of
 from flea_diag.core.conditions.lingering import Lingering
+from flea_diag.core.flat_state import FlatState
 from flea_diag.core.residuals.leverage import (
     ABSTAIN,
     PLACE,
@@ -181,40 +182,44 @@ class EnvelopeWatch:
         heats, (which, along) = self._heating, self._basis.columns
         compared = [(low, high) for _, low, high in self._read]
         ends = [*zip(heats.low, heats.high, strict=True), *compared]
-        read = np.array([k for k, *_ in self._read], dtype=int)
         count = len(self._starts)
-        return (
-            as_record(parameters),
-            (np.array(which), np.array(along), self._starts, self._root),
-            (self._least[:count], self._least[count:]),
-            (period_s / CORRECTION_S, np.zeros((3, len(self._most))), self._most),
-            (np.array(heats.read, dtype=int), read, np.array(ends).reshape(-1, 2)),
-            self._loads.start,
-        )
+        numbers = {
+            "root": self._root, "far": self._least[:count], "hot": self._least[count:],
+            "fade": period_s / CORRECTION_S, "means": np.zeros((3, len(self._most))),
+            "most": self._most, "ends": np.array(ends).reshape(-1, 2),
+        }  # fmt: skip
+        counts = {
+            "which": which, "along": along, "starts": self._starts, "supplying": heats.read,
+            "read": [k for k, *_ in self._read], "position": self._position,
+            "loads": (self._loads.start, self._loads.stop),
+        }  # fmt: skip
+        return as_record(parameters), FlatState(numbers, counts)
 
-    def _glance(self, signals: Array, position: Array) -> tuple[bool, Array, Array, Array]:
+    def _glance(self, signals: Array, rows: Array) -> tuple[bool, Array, Array, Array]:
         """Whether all scans are surely within; their loads, shares of the supply, and heating."""
         count, stores = len(signals), len(self._most)
         loads = np.empty((count, self._loads.stop - self._loads.start))
         share, heating = np.empty((count, stores)), np.empty((count, 2 * stores))
-        parameters, *fixed = self._compiled
+        parameters, tables = self._compiled
         within, self._fast = glance_of(self._relations)(
-            parameters, signals, position, *fixed, (loads, share, heating)
+            parameters, signals, rows, tables.flat, (loads, share, heating)
         )
         return within, loads, share, heating
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
         count, self.turned = len(rows), False
-        position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
-        travel, within = self._at(position), False
+        travel, within = self._at(rows), False
         if self._compiled:
-            within, loads, share, heating = self._glance(residuals.signals, position)
+            within, loads, share, heating = self._glance(residuals.signals, rows)
         else:
             share, heating = self._heating.step(residuals.signals)
+        if within and travel is None and not (self.outside or any(self._beyond)):
+            self.place = OperatingPlace(loads=loads, supplied=heating)
+            return count
         h = np.zeros((count, len(self._least)))
         if not within:
-            psi = self._basis.rows(residuals.signals, position)
+            psi = self._basis.rows(residuals.signals, self._placed(rows))
             loads = np.ascontiguousarray(psi[:, self._loads])
             h[:, : len(self._starts)] = leverages(psi, self._root, self._starts)
             h[:, len(self._starts) :] = np.square(share)
@@ -243,11 +248,16 @@ class EnvelopeWatch:
             beyond[:, columns] = (1.0 + beyond[:, columns]) * (1.0 + over[:, k, None]) - 1.0
         return beyond
 
-    def _at(self, position: Array) -> Array | None:
+    def _placed(self, rows: Array) -> Array:
+        """Positions, shape (n,)."""
+        return rows[:, self._position] if self._position >= 0 else np.zeros(len(rows))
+
+    def _at(self, rows: Array) -> Array | None:
         """Factor of each residual at the ends of the travel; None where no scan is at one."""
         if self._travel is None:
             return None
         low, high = self._travel.edges
+        position = self._placed(rows)
         if len(position) == 1 and not (position.item(0) < low or position.item(0) > high):
             return None  # the same without arrays
         places = stretches(position, self._travel.edges)

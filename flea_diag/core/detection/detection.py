@@ -33,6 +33,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.detection.mean_shift_loops import ShiftInput
+from flea_diag.core.detection.residual_test_loops import residual_tests
 from flea_diag.core.detection.symbols import MIXED, Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
@@ -53,18 +55,20 @@ class TestResults:
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
-    scan.
+    scan. ``shifted``: whether a shift of a mean is beyond its limit, where that was looked at
+    together with the Z-tests.
     ``way``, n of each: direction of motion and for how many scans in motion it has lasted,
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
 
     __slots__ = (
-        "along", "directed", "every", "growth", "k", "shift", "void", "way", "window", "z",
+        "along", "directed", "every", "growth", "k", "shift", "shifted", "void", "way", "window",
+        "z",
     )  # fmt: skip
 
     def __init__(self, residuals: int, scans: int = 1, filled: bool = True) -> None:
         every = self.every = np.empty((5, scans, residuals))
-        self.void = False
+        self.void = self.shifted = False
         self.along: dict[int, str] = {}
         self.z, self.k, self.window, self.growth, self.shift = every
         if filled:  # else somebody else does
@@ -91,6 +95,11 @@ class TestResults:
         """Which residuals exceed their limits; an untested one does not."""
         beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
         return beyond
+
+    @property
+    def quiet(self) -> bool:
+        """Whether none does in any scan."""
+        return not np.count_nonzero(np.abs(self.z) > self.k)
 
     def test(self, index: int) -> tuple[float, Test]:
         """Statistic after the first scan, and the test that it belongs to.
@@ -135,18 +144,24 @@ class Detector:
             for gate in ("moving", "always")
         )
 
-    def step(self, rows: ResidualRows, growth: Array | None = None) -> TestResults:
+    def step(
+        self, rows: ResidualRows, growth: Array | None = None, shift: ShiftInput | None = None
+    ) -> TestResults:
         """Results after each of these rows.
 
         ``growth``, shape (n, residuals): variance of each residual there, in times what was
-        calibrated; None: as calibrated.
+        calibrated; None: as calibrated. ``shift``: see ``MeanShiftTest.input``.
         """
         results = TestResults(self._count, len(rows), not self._compiled)
         grown = self._one if growth is None else growth
         if self._compiled:
-            moving, still = (group.group() for group in self._groups)
-            table = rows.values, grown, rows.motion, rows.spread
-            backends.exact(*Z_TEST_LOOPS)(table, rows.moving, (moving, still), results.every)
+            moving, still = self._groups
+            groups = moving.group(), still.group()
+            told = (rows.values, grown, rows.motion, rows.spread), rows.moving, groups
+            if shift is None:
+                backends.exact(*Z_TEST_LOOPS)(*told, results.every)
+            else:
+                results.shifted = residual_tests()(*told, results.every, shift)
             return results
         grown = np.broadcast_to(grown, rows.values.shape)
         for group in self._groups:

@@ -29,7 +29,7 @@ a detection on, the earlier level is frozen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -37,6 +37,7 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flat_state import Flat, FlatState
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.fields.values import Positive, within
@@ -44,7 +45,12 @@ from flea_diag.fields.values import Positive, within
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
-Memory = tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int]
+Memory = tuple[Array, Flat]
+"""Sums up to each scan that is still looked back at, and the tables of ``SHIFT``."""
+SHIFT = LAST, FROZEN, ENDS, IS_FROZEN, GAPS, LONGEST, LEAST, WINDOWS, REFERENCE = range(9)
+"""Last shifts, and earlier levels that are frozen; where the sums end, and whether levels are
+frozen; for how long values have been missing, and may be; how few samples make a level, the
+windows, and how many samples a level reaches back."""
 
 SHIFT_WINDOWS_S = (2.0, 4.0)
 """Means compared with the earlier level: the shorter is sooner, the longer sees less."""
@@ -101,14 +107,38 @@ class MeanShift:
         self._kept = self._reference + int(self.windows.max()) + 1
         self.columns = columns
         shape = (len(gated), len(self.windows))
-        self._gaps, self._longest = np.zeros(len(gated), dtype=np.int64), counts.of(GAP_S)
+        self._longest = counts.of(GAP_S)
         self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
         self._store = np.zeros((len(gated), self._kept + _ROOM, columns))
-        self._ends = np.ones(len(gated), dtype=np.int64)  # the sum of nothing
-        self._last = np.full((*shape, columns), np.nan)
-        self._frozen = np.full((*shape, columns), np.nan)
-        self._is_frozen = np.zeros(len(gated), dtype=bool)
+        self._free = 0
+        """Scans that there is room for at least."""
+        unknown = np.full((*shape, columns), np.nan)
+        self._state = FlatState(
+            {"last": unknown, "frozen": unknown},
+            {
+                "ends": np.ones(len(gated)),  # the sum of nothing
+                "is_frozen": np.zeros(len(gated)), "gaps": np.zeros(len(gated)),
+                "longest": self._longest, "least": self._least, "windows": self.windows,
+                "reference": self._reference,
+            },
+        )  # fmt: skip
         self._sign = np.where(np.arange(columns) < columns - added, 1.0, -1.0)
+
+    @property
+    def _ends(self) -> Counts:
+        return self._state.table["ends"]
+
+    @property
+    def _last(self) -> Array:
+        return self._state.table["last"]
+
+    @property
+    def _frozen(self) -> Array:
+        return self._state.table["frozen"]
+
+    @property
+    def _is_frozen(self) -> Counts:
+        return self._state.table["is_frozen"]
 
     def clear(self) -> None:
         """Forget everything."""
@@ -152,27 +182,21 @@ class MeanShift:
     def _lost(self, each: int, missing: Flags) -> Flags:
         """Where the values of one residual have been missing for too long."""
         scans = np.arange(len(missing))
-        last = np.maximum.accumulate(np.where(missing, -1 - self._gaps[each], scans))
-        self._gaps[each] = scans[-1] - last[-1]
+        gaps = self._state.table["gaps"]
+        last = np.maximum.accumulate(np.where(missing, -1 - gaps[each], scans))
+        gaps[each] = scans[-1] - last[-1]
         return np.asarray(scans - last > self._longest)
 
     def room(self, count: int) -> Memory:
-        """State updated by ``mean_shift_test_loops``, with room for a block of scans.
-
-        Sums up to each scan that is still looked back at, where they end, the last shifts, the
-        earlier levels that are frozen, and whether they are; for how long values have been missing,
-        and may be; then how few samples make a level, the windows, and how many samples it
-        reaches back.
-        """
-        most = self._store.shape[1]
-        if self._ends.max(initial=0) + count > most:
+        """State updated by ``mean_shift_test_loops``, with room for a block of scans."""
+        self._free -= count
+        if self._free < 0:
             store = self._store
-            if self._kept + count > most:
+            if self._kept + count > store.shape[1]:
                 self._store = np.zeros((len(store), self._kept + count + _ROOM, store.shape[2]))
             self._move(store)
-        memory = self._store, self._ends, self._last, self._frozen
-        gaps = self._gaps, self._longest
-        return *memory, self._is_frozen, *gaps, self._least, self.windows, self._reference
+            self._free = self._store.shape[1] - int(self._ends.max(initial=0)) - count
+        return self._store, self._state.flat
 
     def _move(self, store: Array) -> None:
         """Put the sums that are still looked back at to the front."""
@@ -183,8 +207,7 @@ class MeanShift:
     def __deepcopy__(self, memo: object) -> MeanShift:
         """With these sums alone: what lies before them is room."""
         made = copy(self)
-        for name in ("_ends", "_last", "_frozen", "_is_frozen", "_gaps"):
-            setattr(made, name, getattr(self, name).copy())
+        made._state = deepcopy(self._state)
         made._store = np.empty_like(self._store)
         made._move(self._store)
         return made

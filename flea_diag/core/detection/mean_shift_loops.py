@@ -21,9 +21,30 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.detection.mean_shift import (
+    ENDS,
+    FROZEN,
+    GAPS,
+    IS_FROZEN,
+    LAST,
+    LEAST,
+    LONGEST,
+    REFERENCE,
+    WINDOWS,
+    Memory,
+)
+from flea_diag.core.flat_state import FLAT, Flat, counts_of, numbers_of
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
+
+ShiftInput = tuple[bool, tuple[Array, Array], Flat, Memory, Array]
+"""Whether shifts are judged at all, and what ``mean_shift_test_loops`` takes beside residuals."""
+TESTS = CHANGE, TOLERANCE, METRIC, VARIANCE, BETWEEN, LIMIT, COLUMNS, PLACES, GATED = range(9)
+"""Of what is tested: change and tolerance of the unit's parameters, metric of the loads, variance,
+that between recordings, and limit; columns of values, places of spreads, and which count in motion
+alone."""
 
 
 def mean_shift_loops(
@@ -53,26 +74,32 @@ def mean_shift_loops(
 
 
 def mean_shift_test_loops(
-    rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
-    unit: tuple[Array, Array], place: tuple[Array, Array, Array],
-    memory: tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int],
-    limits: tuple[Array, Array, Array], z: Array, shifts: Array,
+    rows: tuple[Array, Array, Flags], place: tuple[Array, Array], tests: Flat, memory: Memory,
+    found: Array,
 ) -> bool:  # fmt: skip
-    """Scan after scan; returns whether any shift is beyond its limit.
+    """Scan after scan into ``found``, z and shifts; returns whether any is beyond its limit.
 
-    ``tests`` are the columns of values, places of spreads, and which count in motion alone;
-    ``unit`` the change and the tolerance of its parameters; ``place`` the loads, their metric, and
-    the leverage of each test beyond the reach; ``limits`` variance, that between recordings, and k.
+    ``place``: the loads, and the leverage of each residual beyond the reach, of which there may be
+    one row for all scans.
     """
     values, spread, moving = rows
-    columns, places, gated = tests
-    change, tolerance = unit
-    store, ends, last, frozen, is_frozen, gaps, longest, least, windows, reference = memory
-    variance, between, k = limits
-    loads, metric, leverage = place
+    loads, leverage = place
+    store, level = memory
+    change, tolerance = numbers_of(tests, CHANGE)[0], numbers_of(tests, TOLERANCE)[0]
+    metric, between = numbers_of(tests, METRIC), numbers_of(tests, BETWEEN)[0]
+    variance, k = numbers_of(tests, VARIANCE), numbers_of(tests, LIMIT)
+    columns, places = counts_of(tests, COLUMNS)[0], counts_of(tests, PLACES)[0]
+    gated, windows = counts_of(tests, GATED)[0], counts_of(level, WINDOWS)[0]
+    reference, longest = counts_of(level, REFERENCE)[0, 0], counts_of(level, LONGEST)[0, 0]
+    ends, gaps, least = (
+        counts_of(level, ENDS)[0], counts_of(level, GAPS)[0], counts_of(level, LEAST)[0],
+    )  # fmt: skip
     units, most = 1 + len(change), 1 + len(change) + len(metric)
-    row, beyond = np.empty(most + 1), False
+    shape = (len(columns), len(windows), most + 1)
+    last, frozen = numbers_of(level, LAST).reshape(shape), numbers_of(level, FROZEN).reshape(shape)
+    is_frozen, row, beyond = counts_of(level, IS_FROZEN)[0], np.empty(most + 1), False
     for i in range(len(values)):
+        here, lever = loads[min(i, len(loads) - 1)], leverage[min(i, len(leverage) - 1)]
         for t in range(len(columns)):
             learned = 0.0
             for u in range(len(change)):
@@ -83,9 +110,9 @@ def mean_shift_test_loops(
             for u in range(len(metric)):
                 row[units + u] = 0.0
                 for v in range(len(metric)):
-                    known = 0.0 if math.isnan(loads[i, v]) else loads[i, v]
+                    known = 0.0 if math.isnan(here[v]) else here[v]
                     row[units + u] += known * metric[v, u]
-            row[most] = leverage[i, t]
+            row[most] = lever[columns[t]]
             gaps[t] = gaps[t] + 1 if math.isnan(row[0]) else 0
             if gaps[t] > longest:
                 store[t, 0], last[t] = 0.0, math.nan
@@ -93,7 +120,7 @@ def mean_shift_test_loops(
             elif gaps[t] == 0 and (moving[i] or not gated[t]):
                 mean_shift_loops(
                     row, store[t], ends[t], least[t], windows, reference,
-                    frozen[t], is_frozen[t], last[t],
+                    frozen[t], is_frozen[t] > 0, last[t],
                 )  # fmt: skip
                 ends[t] += 1
             for w in range(len(windows)):
@@ -102,12 +129,12 @@ def mean_shift_test_loops(
                     unit_variance += last[t, w, u] * last[t, w, u]
                 for u in range(units, most):
                     apart += last[t, w, u] * last[t, w, u]
-                shifts[i, t, w] = last[t, w, 0]
+                found[1, i, t, w] = last[t, w, 0]
                 healthy = variance[t, w] + between[t] * apart + unit_variance
-                z[i, t, w] = last[t, w, 0] / math.sqrt(healthy)
-                beyond |= abs(z[i, t, w]) > k[t, w]
+                found[0, i, t, w] = last[t, w, 0] / math.sqrt(healthy)
+                beyond |= abs(found[0, i, t, w]) > k[t, w]
     return beyond
 
 
-MEAN_SHIFT_LOOPS = (mean_shift_test_loops, mean_shift_loops)
+MEAN_SHIFT_LOOPS = (mean_shift_test_loops, mean_shift_loops, *FLAT)
 """What ``backend.exact`` takes: the function, and what it calls."""

@@ -38,7 +38,8 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.coefficient_shift import CoefficientTests
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
-from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
+from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS, ShiftInput
+from flea_diag.core.flat_state import FlatState
 from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
@@ -76,7 +77,6 @@ class MeanShiftTest:
         self._circuit = set(known.of_relation(known.circuit))
         self._need_voltage = set(known.needing(known.voltage))
         self._compiled = backends.chosen(backend) == "numba"
-        self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
         self._open = False
         self._fired: list[int] = []
@@ -107,10 +107,24 @@ class MeanShiftTest:
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
         apart = [between.get(name, 0.0) for name in names]
         self._between = np.fmax(np.nanmax(self._variance, axis=1), apart)
+        self._state = FlatState(
+            {
+                "change": np.zeros(len(tolerance)), "tolerance": self._tolerance,
+                "metric": self._metric, "variance": self._variance, "between": self._between,
+                "k": self._k,
+            },
+            {"columns": self._columns, "places": self._places, "gated": self._gated},
+        )  # fmt: skip
+        self._nowhere = np.zeros((1, len(self._metric))), np.zeros((1, len(known.rows)))
+
+    @property
+    def _change(self) -> Array:
+        """Change of the unit's parameters."""
+        return self._state.table["change"]
 
     def adopt(self, change: Sequence[float]) -> None:
         """Set the change of the unit's parameters; levels are corrected for it."""
-        self._change = np.array(change)
+        self._change[:] = change
 
     def turn(self, opened: bool) -> None:
         """An episode has opened: freeze the level before it. Or closed: start a new level."""
@@ -118,6 +132,22 @@ class MeanShiftTest:
         self._level.freeze() if opened else self._level.clear()
         if self._coefficients:
             self._coefficients.turn(opened)
+
+    @property
+    def _says_nothing(self) -> bool:
+        """Whether an episode is open that no shift has opened."""
+        return self._open and not self._openers
+
+    def input(
+        self, count: int, leverage: Array | None = None, loads: Array | None = None
+    ) -> ShiftInput | None:
+        """What compiled loops take to judge means of n scans; None where none are compiled."""
+        if not self._compiled:
+            return None
+        anyload, anywhere = self._nowhere
+        place = anyload if loads is None else loads, anywhere if leverage is None else leverage
+        found = np.empty((2, count, *self._k.shape))
+        return not self._says_nothing, place, self._state.flat, self._level.room(count), found
 
     def step(
         self,
@@ -127,6 +157,7 @@ class MeanShiftTest:
         leverage: Array | None = None,
         loads: Array | None = None,
         supplied: Array | None = None,
+        judged: ShiftInput | None = None,
     ) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
@@ -136,14 +167,17 @@ class MeanShiftTest:
         stands ``alone``, shape (n,), None: nowhere, needs a witness to open one, and says nothing
         in one that anything else has opened. ``leverage``, shape (n, residuals), is that beyond the
         reach, and ``loads`` has shape (n, loads), NaN where one is not read; None: nowhere.
-        ``supplied`` is ``Heating`` of each predicted store; None: not known.
+        ``supplied`` is ``Heating`` of each predicted store; None: not known. ``judged`` is what
+        ``Detector`` was given to judge means by, if it was.
         """
         self._fired = []
-        if self._open and not self._openers:
+        if self._says_nothing:
             return
-        z, shifts, beyond = (self._follow if self._compiled else self._z)(
-            rows, *self._place(len(rows), leverage, loads)
-        )
+        if judged is not None:
+            (z, shifts), beyond = judged[-1], results.shifted
+        else:
+            follow = self._follow if self._compiled else self._z
+            z, shifts, beyond = follow(rows, leverage, loads)
         if beyond or alone is not None:
             self._judge_means(results, alone, z, shifts)
         if self._coefficients:
@@ -193,38 +227,26 @@ class MeanShiftTest:
                 self._fired.append(column)
                 results.along[column] = along
 
-    def _place(
-        self, count: int, leverage: Array | None, loads: Array | None
-    ) -> tuple[Array, Array]:
-        """Loads, shape (n, loads), and the leverage of each test, shape (n, tests)."""
-        if loads is None:
-            loads = np.zeros((count, len(self._metric)))
-        if leverage is None:
-            return loads, np.zeros((count, len(self._columns)))
-        return loads, leverage.take(self._columns, axis=1)
-
     def _follow(
-        self, rows: ResidualRows, loads: Array, leverage: Array
+        self, rows: ResidualRows, leverage: Array | None, loads: Array | None
     ) -> tuple[Array, Array, bool]:
         """``_z`` in one compiled loop."""
-        z, shifts = np.empty((2, len(rows), *self._k.shape))
-        beyond = backends.exact(*MEAN_SHIFT_LOOPS)(
-            (rows.values, rows.spread, rows.moving),
-            (self._columns, self._places, self._gated),
-            (self._change, self._tolerance),
-            (loads, self._metric, leverage),
-            self._level.room(len(rows)),
-            (self._variance, self._between, self._k),
-            z,
-            shifts,
-        )
-        return z, shifts, beyond
+        given = self.input(len(rows), leverage, loads)
+        assert given is not None
+        loops = backends.exact(*MEAN_SHIFT_LOOPS)
+        beyond = loops((rows.values, rows.spread, rows.moving), *given[1:])
+        return *given[-1], beyond
 
-    def _z(self, rows: ResidualRows, loads: Array, leverage: Array) -> tuple[Array, Array, bool]:
+    def _z(
+        self, rows: ResidualRows, leverage: Array | None, loads: Array | None
+    ) -> tuple[Array, Array, bool]:
         """Every shift, in sigmas of itself and of what units differ by, and as it is.
 
         Both of shape (n, residuals, windows); then whether any is beyond its limit.
         """
+        anyload, anywhere = self._nowhere
+        loads = anyload if loads is None else loads
+        lever = (anywhere if leverage is None else leverage).take(self._columns, axis=1)
         # The residuals as if nothing had been learned of the unit, and what units differ by.
         spread = rows.spread.take(self._places, axis=1)
         values = np.empty((*spread.shape[:2], self._level.columns))
@@ -234,7 +256,7 @@ class MeanShiftTest:
         known = np.where(np.isnan(loads), 0.0, loads)
         for place, weights in enumerate(self._metric.T, start=self._units):
             values[:, :, place] = summed_in_order(known * weights)[:, None]
-        values[:, :, -1] = leverage
+        values[:, :, -1] = lever
         every = self._level.step(values, rows.moving[:, None] | ~self._gated)
         unit = summed_in_order(np.square(every[..., 1 : self._units]))
         apart = every[..., -1]

@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.detection.z_test_loops import Group
+from flea_diag.core.flat_state import FlatState
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import WindowedMeans, summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
@@ -68,8 +69,11 @@ class ZTests:
         first = self._spread[0] if self._spread else 0
         self._spreading = slice(first, first + len(self._spread))
         self._places = np.array([differing.index(columns[c]) for c in self._spread], dtype=int)
-        self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
+        held = np.full((4, len(rows)), np.nan)
+        held[2:] = np.array([[0.0], [1.0]])
+        which = {"gated": self._gated, "columns": columns, "places": self._places, "first": first}
+        self._state = FlatState({"held": held, "tolerance": tolerance}, which)
         self._extra = np.array([thermal_variance * (row.name in known.predictions) for row in rows])
         self._bound(rows, limits)
         self._based()
@@ -80,8 +84,16 @@ class ZTests:
         gaps = np.zeros(width, dtype=np.int64)
         gaps[: len(rows)] = [counts.kernel // 2 * (r.name not in known.innovations) for r in rows]
         self._means = WindowedMeans(width, self._windows, gaps)
-        self._held = np.full((4, len(rows)), np.nan)
-        self._held[2:] = np.array([[0.0], [1.0]])
+
+    @property
+    def _held(self) -> Array:
+        """The last results."""
+        return self._state.table["held"]
+
+    @property
+    def _tolerance(self) -> Array:
+        """What healthy units differ by."""
+        return self._state.table["tolerance"]
 
     def _bound(self, rows: list[ResidualRow], limits: dict[str, ResidualLimit]) -> None:
         """Centre, variance and limit of each test, shape (3, regions, windows, residuals)."""
@@ -114,14 +126,12 @@ class ZTests:
         found = self._held[:, None]
         if taken.any():
             found = np.concatenate((found, self._judge(self._table(rows, growth)[taken])), axis=1)
-        self._held = found[:, -1].copy()
+        self._held[:] = found[:, -1]
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
     def group(self) -> Group:
         """What ``z_test_loops`` takes in place of ``step``."""
-        spread = self._spreading.start, len(self._spread), self._tolerance
-        places = self._columns, self._places
-        return self._gated, places, self._means.memory(), self._bounds, spread, self._held
+        return self._means.memory(), self._bounds, self._state.flat
 
     def _table(self, rows: ResidualRows, growth: Array) -> Array:
         """Rows of the ring, shape (n, width)."""
@@ -163,7 +173,7 @@ class ZTests:
 
     def adopt(self, change: Array, tolerance: Array) -> None:
         """Correct the parity residuals in the windows for changed unit parameters."""
-        self._tolerance = tolerance
+        self._tolerance[:] = tolerance
         self._based()
         start = 2 * len(self._columns) + 1
         for column in self._spread:

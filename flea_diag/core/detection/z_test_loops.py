@@ -27,22 +27,41 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
+from flea_diag.core.flat_state import FLAT, Flat, counts_of, numbers_of
 from flea_diag.core.row_ring import place_loops
-from flea_diag.core.running_mean import Memory, Seen
+from flea_diag.core.running_mean import (
+    GAP,
+    LAP,
+    LENGTHS,
+    LONGEST,
+    RUN,
+    SEEN,
+    SUMS,
+    Memory,
+)
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
-Group = tuple[bool, tuple[Counts, Counts], Memory, Array, tuple[int, int, Array], Array]
-"""Whether scans at rest are passed over; columns of values and places of spreads; the memory;
-bounds; first column and number of those that units differ in, and tolerances; the last results."""
+Group = tuple[Memory, Array, Flat]
+"""The memory, bounds, and the tables of ``GROUP``."""
+GROUP = HELD, TOLERANCE, GATED, COLUMNS, PLACES, FIRST = range(6)
+"""The last results, and tolerances of units; whether scans at rest are passed over; columns of
+values and places of spreads; the first column that units differ in."""
 
 
-def push_loops(
-    row: Array, store: Array, valid: Flags, at: int, lengths: Counts, counts: Seen, sums: Array
-) -> None:
+def push_loops(row: Array, store: Array, valid: Flags, at: int, means: Flat) -> None:
     """``running_mean.WindowedMeans`` for one row, which is put at ``at`` of the store."""
-    run, gap, seen, longest = counts
+    run, gap, longest = (
+        counts_of(means, RUN)[0],
+        counts_of(means, GAP)[0],
+        counts_of(means, LONGEST)[0],
+    )
+    sums, lengths, seen = (
+        numbers_of(means, SUMS),
+        counts_of(means, LENGTHS)[0],
+        counts_of(means, SEEN),
+    )
     for c in range(len(row)):
         good = math.isfinite(row[c])
         store[at, c] = row[c] if good else 0.0
@@ -66,17 +85,12 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
                 sums[w, c] += store[k, c]
 
 
-def nearest_loops(
-    sums: Array,
-    lengths: Counts,
-    counts: Seen,
-    bounds: Array,
-    spread: tuple[int, int, Array],
-    held: Array,
-) -> None:
+def nearest_loops(means: Flat, bounds: Array, group: Flat) -> None:
     """Of each residual the test nearest to its limit: z, limit, window and growth in ``held``."""
-    run, seen = counts[0], counts[2]
-    start, spreading, tolerance = spread
+    sums, lengths = numbers_of(means, SUMS), counts_of(means, LENGTHS)[0]
+    run, seen = counts_of(means, RUN)[0], counts_of(means, SEEN)
+    held, tolerance = numbers_of(group, HELD), numbers_of(group, TOLERANCE)[0]
+    start, spreading = counts_of(group, FIRST)[0, 0], len(counts_of(group, PLACES)[0])
     units, residuals = len(tolerance), held.shape[1]
     best = np.empty(residuals)
     for w in range(len(lengths)):
@@ -140,25 +154,29 @@ def z_test_loops(
     values, growth, motion, spreads = rows
     results[:2], results[2], results[3], results[4] = math.nan, 0.0, 1.0, math.nan
     for g in range(len(groups)):
-        gated, (columns, places), memory, bounds, spread, held = groups[g]
-        (store, valid, sums), ends, lengths, counts = memory
-        row, size = np.empty(store.shape[1]), lengths[-1]
+        ((store, valid), ends, means), bounds, group = groups[g]
+        columns, places = counts_of(group, COLUMNS)[0], counts_of(group, PLACES)[0]
+        sums, lengths = numbers_of(means, SUMS), counts_of(means, LENGTHS)[0]
+        gated, lap = counts_of(group, GATED)[0, 0] > 0, counts_of(means, LAP)
+        row, held, size = np.empty(store.shape[1]), numbers_of(group, HELD), lengths[-1]
         for i in range(len(values) if len(columns) else 0):
             if moving[i] or not gated:
                 grown = growth[min(i, len(growth) - 1)]
                 row_loops(values[i], grown, motion[i, 0], spreads[i], columns, places, row)
                 at = place_loops(store, ends[0], size)
                 place_loops(valid, ends[1], size)
-                push_loops(row, store, valid, at, lengths, counts, sums)
-                ends[2][0] += 1
-                if ends[2][0] == size:
-                    ends[2][0] = 0
+                push_loops(row, store, valid, at, means)
+                lap[0, 0] += 1
+                if lap[0, 0] == size:
+                    lap[0, 0] = 0
                     sum_loops(store, at, lengths, sums)
-                nearest_loops(sums, lengths, counts, bounds, spread, held)
+                nearest_loops(means, bounds, group)
             for c in range(len(columns)):
                 for part in range(4):
                     results[part, i, columns[c]] = held[part, c]
 
 
-Z_TEST_LOOPS = (z_test_loops, row_loops, place_loops, push_loops, sum_loops, nearest_loops)
+Z_TEST_LOOPS = (
+    z_test_loops, row_loops, place_loops, push_loops, sum_loops, nearest_loops, *FLAT,
+)  # fmt: skip
 """What ``backend.exact`` takes: the function, and what it calls."""

@@ -249,11 +249,10 @@ def step_parts(equations: DrivenEquations) -> tuple[Callable[..., Any], ...]:
     return (*_bound_step(friction, put_loops), *TANH.values(), exp_loops, put_loops)
 
 
-@lru_cache(maxsize=8)
-def track_of(equations: DrivenEquations) -> Callable[..., tuple[int, int]]:
-    """``track_loops`` with the step of these equations, compiled."""
+def track_of(
+    equations: DrivenEquations,
+) -> tuple[Callable[..., Any], tuple[Callable[..., Any], ...]]:
+    """``track_loops`` with the step of these equations for numba, and what it calls."""
     step = step_parts(equations)
     heats = backends.bound(equations.functions["supplies"], fabs=np.abs)
-    loop = backends.bound(track_loops, motion_step=step[0], supplies=heats)
-    made: Callable[..., tuple[int, int]] = backends.compiled(loop, *step, *TRACK, heats)
-    return made
+    return backends.bound(track_loops, motion_step=step[0], supplies=heats), (*step, *TRACK, heats)

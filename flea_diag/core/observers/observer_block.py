@@ -116,13 +116,6 @@ class Scans(NamedTuple):
     degc: Array
 
     @classmethod
-    def empty(cls, count: int, columns: ReadingColumns) -> Scans:
-        """Uninitialised arrays for ``count`` scans."""
-        motion = count, len(columns.motion)
-        inputs, degc = np.empty((count, len(columns.inputs))), np.empty((count, len(columns.degc)))
-        return cls(inputs, np.empty(motion), np.empty(motion), degc)
-
-    @classmethod
     def read(
         cls,
         rows: Array,
@@ -148,6 +141,21 @@ class Innovations(NamedTuple):
     table: Array
     measured: npt.NDArray[np.int64]
     diverged: Flags
+
+    @classmethod
+    def empty(cls, layout: RowLayout, count: int) -> Innovations:
+        """Uninitialised, of ``count`` scans."""
+        table, lost = np.empty((count, len(layout.order))), np.empty(count, dtype=bool)
+        return cls(layout.predicted, table, np.empty(count, dtype=np.int64), lost)
+
+    def part(self, first: int) -> Innovations:
+        """From one scan on."""
+        if not first:
+            return self
+        rest = slice(first, None)
+        return Innovations(
+            self.channels, self.table[rest], self.measured[rest], self.diverged[rest]
+        )
 
     @classmethod
     def joined(

@@ -46,6 +46,7 @@ from flea_diag.errors import ConfigurationError
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
 
 PROPOSALS = ("optimal", "bootstrap")
 PATTERNS = 256
@@ -208,56 +209,54 @@ class ParticleFilter:
 
     def track(
         self,
-        track: Callable[..., tuple[int, int]],
-        scans: tuple[Array, ...],
-        first: int,
-        motion: tuple[Any, ...],
-        heat: tuple[Any, ...],
+        observe: Callable[..., tuple[int, int, float]],
+        rows: Array,
+        read: Callable[[Array], tuple[Array, Array, Array]],
+        model: tuple[tuple[float, float], tuple[Any, ...], tuple[Any, ...]],
         frozen: bool,
         begun: bool,
-        out: Array,
+        told: tuple[Array, Counts, Flags, Counts],
     ) -> tuple[int, int]:
-        """``predict`` and ``update`` from scan ``first`` on, in one compiled call.
+        """``predict`` and ``update`` with rows of readings, in one compiled call.
 
-        For the optimal proposal with numba on a ``DrivenModel``, whose ``track``, ``motion`` and
-        ``heat`` these are. Particles that have ``begun`` with scan ``first`` stand where they are
-        in it: there is no ``predict``.
+        For the optimal proposal with numba on a ``DrivenModel``, whose ``observe``, ``read`` (input
+        and measurements of one row) and ``model`` these are. Particles that have ``begun`` with the
+        first row stand where they are in it: there is no ``predict``.
 
         Returns
         -------
         How many scans were taken, at least one, and what ended it; see ``track_loops``.
         """
-        bits = self._bits.ahead(1 if begun else len(out) - first)
-        done, end = 0, 0
+        bits = self._bits.ahead(1 if begun else len(rows))
+        command, motion, heat = model
+        done, end, monitor = 0, 0, self._consistency
         while not done:
             if self._tracked is None:
-                self._tracked = self._prepared(begun, *(part[first] for part in scans[:3]))
-            done, end = track(
-                self._x,
-                self._cloud,
-                scans,
-                first,
+                u, y, held = read(rows[0])
+                if begun:
+                    y[:] = held[:] = math.nan
+                self._tracked = self._prepared(begun, u, y, held)
+            done, end, monitor.level = observe(
+                rows,
+                command,
+                (self._x, self._cloud),
                 self._tracked,
                 bits,
                 self._table,
                 self._threshold,
                 motion,
                 heat,
+                (monitor.level, *monitor.limits, self.diverged),
                 frozen,
                 begun,
-                out,
+                self._row,
+                told,
             )
             if begun or not done:
                 self._tracked = None
         self._bits.used(done)
-        self._row = out[first + done - 1, : self._width]
+        self.diverged = bool(told[2][done - 1])
         return done, end
-
-    def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
-        """Whether the track is lost, for each scan."""
-        lost = self._consistency.follow(nis, measured)
-        self.diverged = lost[-1]
-        return lost
 
     def _prepared(
         self, begun: bool, u: Array, y: Array, held: Array

@@ -196,6 +196,11 @@ class ConsistencyMonitor:
         self._lost = max(LOST, UNIT_SIGMAS**2 * expected)
         self.level = 1.0
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Share of the last scan in the mean, and the mean at which the track is lost."""
+        return self._share, self._lost
+
     def step(self, nis: float, measured: int) -> bool:
         """Take one scan; whether the filter has diverged."""
         return self.follow((nis,), (measured,))[0]

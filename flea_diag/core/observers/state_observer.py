@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.driven_model import STATES, WALK, DrivenModel, track_of
+from flea_diag.core.observers.driven_model import STATES, WALK, DrivenModel
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_block import (
     TOLD,
@@ -39,7 +39,7 @@ from flea_diag.core.observers.observer_block import (
     Scans,
     row_layout,
 )
-from flea_diag.core.observers.observer_loops import join_loops, read_of
+from flea_diag.core.observers.observer_loops import observe_of
 from flea_diag.core.observers.observer_noise import ObserverNoise, reading_key
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
@@ -180,6 +180,9 @@ class StateObserver:
         walk = WALK * described
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
+        flags = tuple(self._model.absent.tolist()), tuple(self._model.driving.tolist())
+        at = self._layout
+        self._which = equations, self._columns, *flags, (at.motion, at.predicted, at.raw)
         self._filter: Filter | None = None
 
     @property
@@ -211,57 +214,45 @@ class StateObserver:
         frozen : bool
             Compare, but correct nothing.
         """
-        scans, measured = self._read(rows)
-        raw, lost = np.empty((len(rows), self._layout.raw)), np.empty(len(rows), dtype=bool)
-        done = 0
-        while done < len(rows):
-            if self._compiled:
-                done = self._track(scans, done, frozen, raw, measured, lost)
-            else:
-                self._one(scans, done, frozen, raw[done], lost)
-                done += 1
-        if not self._compiled:
-            return Innovations.joined(self._layout, raw, measured, lost)
-        at = self._layout
-        table = np.empty((len(rows), len(at.order)))
-        backends.exact(join_loops)(raw, measured, table, at.motion, at.predicted, at.order)
-        return Innovations(at.predicted, table, measured, lost)
-
-    def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
-        """Input of the filter, and the number of motion channels measured in each scan."""
+        count, at = len(rows), self._layout
+        if self._compiled:
+            found = Innovations.empty(at, count)
+            done = 0
+            while done < count:
+                done += self._track(rows[done:], frozen, found.part(done))
+            return found
         model = self._model
-        absent, command, driving = model.absent, model.command, model.driving
-        if not self._compiled:
-            read = Scans.read(rows, self._columns, absent, command, driving)
-            return read, np.isfinite(read.y).sum(axis=1)
-        scans, measured = Scans.empty(len(rows), self._columns), np.empty(len(rows), dtype=np.int64)
-        read_of(self._columns)(rows, absent, command, driving, tuple(scans), measured)
-        return scans, measured
+        scans = Scans.read(rows, self._columns, model.absent, model.command, model.driving)
+        measured = np.isfinite(scans.y).sum(axis=1)
+        raw, lost = np.empty((count, at.raw)), np.empty(count, dtype=bool)
+        for done in range(count):
+            self._one(scans, done, frozen, raw[done], lost)
+        return Innovations.joined(at, raw, measured, lost)
 
-    def _track(
-        self,
-        scans: Scans,
-        first: int,
-        frozen: bool,
-        raw: Array,
-        measured: npt.NDArray[np.int64],
-        lost: Flags,
-    ) -> int:
-        """Scans from ``first`` on in one compiled call; the first that it has not taken."""
-        begun = self._filter is None
-        particles, model = self._filter or self._start(scans, first), self._model
+    def _track(self, rows: Array, frozen: bool, found: Innovations) -> int:
+        """Leading scans in one compiled call; how many it has taken."""
+        begun, model, at = self._filter is None, self._model, self._layout
+        if begun:
+            scans = Scans.read(rows[:1], self._columns, model.absent, model.command, model.driving)
+            self._start(scans, 0)
+        particles = self._filter
         assert isinstance(particles, ParticleFilter)
         motion = model.pwm, model.coefficients, model.record
         heat = self._stores, (self._winding, model.winding_degc, WARMED_K)
-        track = track_of(model.equations)
-        done, end = particles.track(track, tuple(scans), first, motion, heat, frozen, begun, raw)
-        taken = slice(first, first + done)
-        lost[taken] = particles.diverged
-        if not frozen:
-            compared = [0] if begun else measured[taken].tolist()
-            lost[taken] = particles.watch(raw[taken, self._layout.warm - 2].tolist(), compared)
+        told = found.table, found.measured, found.diverged, at.order
+        given = model.command, motion, heat
+        done, end = particles.track(
+            observe_of(*self._which), rows, self._pattern, given, frozen, begun, told
+        )
         self._end(end)
-        return first + done
+        return done
+
+    def _pattern(self, row: Array) -> tuple[Array, Array, Array]:
+        """Input, measurements, and those that count while frozen, of one scan."""
+        model = self._model
+        scans = Scans.read(row[None], self._columns, model.absent, model.command, model.driving)
+        y, held = scans.y[0], scans.held[0]
+        return scans.u[0], y, held
 
     def _start(self, scans: Scans, k: int) -> Filter:
         """A filter at scan k, whose readings are where it starts: nothing predicts them."""

@@ -57,7 +57,7 @@ def supplies(p: Any, x: Any) -> Any:
 
 
 def track_loops(
-    x: Array, cloud: Array, scans: tuple[Array, Array, Array, Array], first: int,
+    x: Array, cloud: Array, scans: tuple[Array, Array, Array, Array],
     pattern: tuple[Flags, Array, Array], bits: tuple[Array, Indices], table: Array,
     threshold: float, motion: tuple[bool, MotionCoefficients, Any],
     heat: tuple[Array, tuple[int, float, float]], frozen: bool, begun: bool, out: Array,
@@ -82,20 +82,19 @@ def track_loops(
     moved, apart = np.empty_like(x), np.empty_like(cloud)
     spare = np.empty(3 * p + n + 2)
     at = len(spare)
-    for done in range(len(uniform)):
-        k = first + done
-        u, told, seed, drawn = U[k], out[k, :at], uniform[done], chosen[done]
+    for k in range(len(uniform)):
+        u, told, seed, drawn = U[k], out[k, :at], uniform[k], chosen[k]
         for b in range(len(u)):
             if math.isnan(u[b]) == known[b]:
-                return done, 0
-        if begun and not done:
+                return k, 0
+        if begun and not k:
             put_loops(moved.reshape(-1), x.reshape(-1))
         else:
             motion_step(x, u, pwm, coefficients, parameters, moved)
         put_loops(apart.reshape(-1), cloud.reshape(-1))
         weights = apart if frozen else cloud
         if not step_loops(moved, weights, x, Y[k], u, flat, seed, drawn, table, threshold, told):
-            return done, 0
+            return k, 0
         if frozen:
             # Compared with all, moved by what drives it alone.
             step_loops(moved, cloud, x, held[k], u, idle, seed, drawn, table, threshold, spare)
@@ -109,7 +108,7 @@ def track_loops(
         if winding >= 0 and abs(stores[winding, ESTIMATE] - degc) > warmed:
             end |= WARMED
         if end:
-            return done + 1, end
+            return k + 1, end
     return len(uniform), 0
 
 

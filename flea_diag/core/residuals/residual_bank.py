@@ -176,7 +176,9 @@ class ResidualBank:
         """``_signals`` and ``_parities`` in one compiled loop."""
         signals, motion = np.empty((len(rows), len(self._places))), np.empty((len(rows), 2))
         moving = np.empty(len(rows), dtype=bool)
-        x = [smooth[:, order, k] if order >= 0 else 0.0 for order, k in self._inside]
+        # Numbers of one scan: it costs less than columns.
+        columns = smooth[0].tolist() if len(rows) == 1 else smooth.transpose(1, 2, 0)
+        x = [columns[order][k] if order >= 0 else 0.0 for order, k in self._inside]
         shapes = np.array(self._shapes(x)).reshape(len(self._relations.shapes), len(rows))
         self._still = bank_of(self._relations)(
             rows,

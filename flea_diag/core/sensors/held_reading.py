@@ -28,6 +28,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flat_state import Flat, FlatState
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.core.sensors.sensor_set import SensorSet
@@ -68,20 +69,36 @@ class HeldReadings:
         """Columns of the tests."""
         self.k = np.array([float(stuck_scans(limit, period_s)) for limit in tested])
         """Their limits, shape (tests,)."""
-        self.interrupt()
+        of_tests = iter(self.places)
+        self._state = FlatState(
+            {"last": np.full((len(known), 2), math.nan)},
+            {
+                "columns": [column for column, _ in self._columns],
+                "commands": [-1 if c is None else c for _, c in self._columns],
+                "places": [-1 if c is None else next(of_tests) for _, c in self._columns],
+                "least": self._least,
+                "runs": np.zeros((len(known), 2)),
+            },
+        )
+
+    @property
+    def tables(self) -> Flat:
+        """What ``held_loops`` takes."""
+        return self._state.flat
 
     def interrupt(self) -> None:
         """A gap in the stream: no run of equal readings spans it."""
-        self._last = [(math.nan, math.nan, 0, 0)] * len(self._columns)
+        self._state.table["last"][:], self._state.table["runs"][:] = math.nan, 0
 
     def step(self, rows: Array, usable: Array, z: Array) -> bool:
         """Fill in the number at each of n rows in its columns of ``z``; rows (n, channels).
 
         What is held without a command becomes NaN in ``usable``, shape (n, channels); whether any.
         """
-        places, any_withheld = iter(self.places), False
+        places, any_withheld, state = iter(self.places), False, self._state.table
         for channel, (column, command) in enumerate(self._columns):
-            held, before, run, alone = self._last[channel]
+            held, before = state["last"][channel].tolist()
+            run, alone = state["runs"][channel].tolist()
             told, withheld = [], []
             values = rows[:, column].tolist()
             asks = [math.nan] * len(rows) if command is None else rows[:, command].tolist()
@@ -94,7 +111,7 @@ class HeldReadings:
                     held, before = value, before if asked != asked else asked
                 told.append(run)
                 withheld.append(alone >= self._least[channel])
-            self._last[channel] = held, before, run, alone
+            state["last"][channel], state["runs"][channel] = (held, before), (run, alone)
             if any(withheld):
                 usable[withheld, column] = math.nan
                 any_withheld = True

@@ -24,14 +24,17 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flat_state import FLAT, Flat, counts_of, numbers_of
 from flea_diag.core.row_ring import place_loops
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-Memory = tuple[Array, Array, Counts, Counts, Counts, Counts, Counts]
-"""Resolution, largest, ceiling and floor of each channel, shape (4, channels); sigmas; the store
-and its end; sums of each window, and of all samples of the first seconds; lengths of windows."""
+Memory = tuple[Counts, Counts, Flat]
+"""The store and its end, and the tables of ``NOISE``."""
+NOISE = LEVELS, SIGMA, LENGTHS, SUMS, FIRST = range(5)
+"""Resolution, largest, ceiling and floor of each channel, shape (4, channels), and sigmas; lengths
+of windows, sums of each, and of all samples of the first seconds."""
 
 
 def noise_loops(
@@ -44,8 +47,11 @@ def noise_loops(
 
     ``own`` is that of ``NoiseTest.step``.
     """
-    levels, sigma, store, end, sums, first, lengths = memory
-    resolution, most, ceiling, floor = levels
+    store, end, tables = memory
+    levels, sigma = numbers_of(tables, LEVELS), numbers_of(tables, SIGMA)
+    lengths, sums = counts_of(tables, LENGTHS)[0], counts_of(tables, SUMS)
+    resolution, most, ceiling, floor = levels[0], levels[1], levels[2], levels[3]
+    first = counts_of(tables, FIRST)[0]
     lacking, logs, missing = own
     channels = len(resolution)
     for i in range(len(found)):
@@ -86,5 +92,5 @@ def noise_loops(
                         found[i, c] = z
 
 
-NOISE_LOOPS = (noise_loops, place_loops)
+NOISE_LOOPS = (noise_loops, place_loops, *FLAT)
 """What ``backend.exact`` takes: the function, and what it calls."""

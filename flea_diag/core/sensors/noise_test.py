@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.flat_state import FlatState
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensors.noise_loops import NOISE_LOOPS, Memory
 from flea_diag.core.sensors.own_readings import ReadingTrain, longest_gaps, train_logs
@@ -82,15 +83,20 @@ class NoiseTest:
         scatter = np.array([max(limit.scatter, LOG_SCATTER) for limit in limits])
         self._sigma = scatter / np.sqrt(WINDOWS)
         self._rows = RowRing(2 * count, NOISE_WINDOWS, np.int64)
-        self._sums = np.zeros((len(NOISE_WINDOWS), 2 * count), dtype=np.int64)
         self._whole = np.zeros(count, dtype=bool), np.empty((0, count)), np.empty((0, count), bool)
-        self._first = np.zeros(2 * count, dtype=np.int64)
         self._scans = 0
         self._sound: dict[int, Flags] = {}
         """Of channels that lack readings, which of their last three are inside their range."""
         # During its first seconds a unit may be as noisy as any unit.
         self._ceiling = self._loudest + UNIT_LOG + LARGEST_BASELINE
-        self._levels = np.array((self._resolution, self._most, self._ceiling, self._floor))
+        levels = self._resolution, self._most, self._ceiling, self._floor
+        self._state = FlatState(
+            {"levels": levels, "sigma": self._sigma},
+            {
+                "lengths": LENGTHS, "sums": np.zeros((len(LENGTHS), 2 * count)),
+                "first": np.zeros(2 * count),
+            },
+        )  # fmt: skip
 
     def step(self, recent: Array, own: Own | None = None) -> Array:
         """Z of each channel after each row; ``recent`` begins three rows before the first.
@@ -150,8 +156,7 @@ class NoiseTest:
     @property
     def memory(self) -> Memory:
         """The state, for ``noise_loops`` to go on with."""
-        ring = self._rows
-        return self._levels, self._sigma, ring.store, ring.end, self._sums, self._first, LENGTHS
+        return self._rows.store, self._rows.end, self._state.flat
 
     def takes(self, count: int) -> bool:
         """Whether so many rows may come at once: what is learned applies from the next row on."""
@@ -175,14 +180,15 @@ class NoiseTest:
         new[:, logs.shape[1] :] = valid
         before = self._rows.last(self._rows.size).copy() if lacking.any() else new
         sums = new[:, None, :] - self._rows.push(new)
-        sums[0] += self._sums
+        held = self._state.table
+        sums[0] += held["sums"]
         np.cumsum(sums, axis=0, out=sums)
         for channel in np.flatnonzero(lacking).tolist():
             pair = [channel, channel + logs.shape[1]]
             new[missing[:, channel], pair[0]] = new[missing[:, channel], pair[1]] = 0
             sums[:, :, pair] = self._of_readings(pair, before, new, missing[:, channel])
-        self._sums = sums[-1].copy()
-        self._first += new.sum(axis=0)
+        held["sums"][:] = sums[-1]
+        held["first"] += new.sum(axis=0)
         return self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
 
     def _of_readings(self, pair: list[int], before: Counts, new: Counts, missing: Flags) -> Counts:
@@ -195,7 +201,8 @@ class NoiseTest:
         self._rows.last(self._rows.size)[:, pair] = train[-self._rows.size :]
         leaving = train[np.arange(len(came))[:, None] + (self._rows.size - LENGTHS)]
         change = new[came][:, None, pair] - leaving
-        whole = np.concatenate((self._sums[None, :, pair], change)).cumsum(axis=0)
+        before_them = self._state.table["sums"][None, :, pair]
+        whole = np.concatenate((before_them, change)).cumsum(axis=0)
         sums: Counts = whole[np.cumsum(~missing)]
         return sums
 
@@ -217,7 +224,7 @@ class NoiseTest:
             return
         self._scans += count
         if self._scans >= WARM_UP_SCANS:
-            total, samples = np.split(self._first, 2)
+            total, samples = np.split(self._state.table["first"], 2)
             louder = np.where(samples, 1e-6 * total / np.maximum(samples, 1) - self._loudest, 0.0)
             self._ceiling = self._loudest + UNIT_LOG + np.clip(louder, 0.0, LARGEST_BASELINE)
-            self._levels[2] = self._ceiling
+            self._state.table["levels"][2] = self._ceiling

@@ -47,7 +47,11 @@ class ReadingJumps:
     def step(self, rows: Array) -> Array:
         """Jumps of n >= 1 scans, shape (n, columns); NaN where a reading is missing."""
         readings = rows.take(self._columns, axis=1)
+        if self._last is not None and len(rows) == 1 and self._lag > 1:
+            jumps: Array = readings - self._last[0]
+            self._last[:-1], self._last[-1] = self._last[1:].copy(), readings[0]
+            return jumps
         before = self._last if self._last is not None else readings[:1].repeat(self._lag, axis=0)
         whole = np.concatenate((before, readings))
-        self._last = whole[-self._lag :]
+        self._last = whole[-self._lag :].copy()
         return np.asarray(readings - whole[: -self._lag])

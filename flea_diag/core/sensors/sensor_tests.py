@@ -28,7 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.flat_state import FlatState
 from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.own_readings import (
     KEPT,
@@ -41,7 +43,7 @@ from flea_diag.core.sensors.position_step import TurnedPosition, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
 from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
 from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
-from flea_diag.core.sensors.sensor_loops import LOOKS
+from flea_diag.core.sensors.sensor_loops import looks
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
 Array = npt.NDArray[np.float64]
@@ -104,10 +106,7 @@ class SensorTests:
         self._limits = tuple(limit for limit in limits if limit.channel in tested)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
-        self._bounds = np.empty((3, len(self._limits)))
-        """Ends of the range of each reading, and how far it goes in a scan."""
-        self._bounds[:2] = [[-math.inf], [math.inf]]
-        self._bounds[2] = self._reach = np.array([limit.reach for limit in self._limits])
+        self._reach = np.array([limit.reach for limit in self._limits])
         still = {**sensors.positions, sensors.speed: sensors.speed_of_a_count(period_s)}
         quanta = [still.get(name, 0.0) for name in self._names]
         self._guards = [
@@ -142,6 +141,27 @@ class SensorTests:
         """Of each channel its column, those of its tests, and that of its steps, if any."""
         self.k = self._all_limits(len(names), period_s)
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
+        self._held = HeldReadings(limits, channels, sensors, period_s)
+        self.k[self._held.places] = self._held.k
+        self._state = self._tables()
+
+    def _tables(self) -> FlatState:
+        """What ``look_loops`` looks by."""
+        ends = np.full((2, len(self._limits)), [[-math.inf], [math.inf]])
+        numbers = {
+            "bounds": np.vstack((ends, self._reach)), "calm": self._calm, "sizes": self._sizes,
+        }  # fmt: skip
+        turned = -1 if self._turned is None else self._turned.place
+        counts = {
+            "columns": self._columns, "positions": self._stepping, "places": self._step_places,
+            "heard": self._places["noise"], "paired": self._paired, "turned": turned,
+        }  # fmt: skip
+        return FlatState(numbers, counts)
+
+    @property
+    def _bounds(self) -> Array:
+        """Ends of the range of each reading, and how far it goes in a scan."""
+        return self._state.table["bounds"]
 
     def _prepare_steps(self, sensors: SensorSet) -> None:
         """Which positions are looked at for steps, and which readings belong together."""
@@ -189,6 +209,7 @@ class SensorTests:
         self._recent[:] = np.nan
         self._rest.interrupt()
         self._readings.interrupt()
+        self._held.interrupt()
         for guard in self._guards:
             guard.interrupt()
 
@@ -196,18 +217,15 @@ class SensorTests:
         """Test n >= 1 rows, shape (n, channels), one after the other."""
         count, columns = len(rows), len(self._columns)
         recent = np.empty((len(self._recent) + count, columns))
-        recent[:-count] = self._recent
         inside, odd = np.empty((count + 3, columns)), np.empty((count, columns), dtype=bool)
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
-        z[:] = self._calm
-        look = backends.exact(*LOOKS) if self._compiled else self._look
-        stepping = self._stepping, self._paired, self._step_places, self._sizes
+        look = looks() if self._compiled else self._look
         hears = not (self._rushing or self._rest.unseen) and self._noise.takes(count)
-        noise = hears, self._noise.memory, self._places["noise"]
-        anywhere, lacks, heard = look(
-            rows, self._columns, self._bounds, stepping, noise, recent, inside, z, odd
-        )
-        self._recent, self.withholds, self.outlying = recent[count:], False, None
+        anywhere, lacks, heard, turned, self.withholds = look(
+            rows, self._state.flat, (hears, self._noise.memory), self._held.tables, self._recent,
+            recent, inside, usable, z, odd,
+        )  # fmt: skip
+        self._recent, self.outlying = recent[count:], None
         self._rest.step(recent, count, not lacks and self._rest.scans <= KEPT)
         own: dict[int, ReadingTrain] = {}
         void: Flags | None = None
@@ -216,7 +234,8 @@ class SensorTests:
             self._readings.interrupt()
         else:
             anywhere, own, void = self._apart(anywhere, lacks, recent, inside, z, odd)
-        if self._turned is not None:
+            turned = self._turned is not None
+        if turned and self._turned is not None:
             self._turned.stand_beside_speed(recent, z)
         if anywhere or self._watched:
             self._watch(recent, own, (odd, usable, z))
@@ -267,25 +286,28 @@ class SensorTests:
     def _look(
         self,
         rows: Array,
-        columns: Counts,
-        bounds: Array,
-        stepping: tuple[Counts, bool, Counts, Array],
+        tables: object,
         noise: object,
+        held: object,
+        before: Array,
         recent: Array,
         inside: Array,
+        usable: Array,
         z: Array,
         odd: Flags,
-    ) -> tuple[bool, bool, bool]:
+    ) -> tuple[bool, bool, bool, bool, bool]:
         """``sensor_loops.look_loops`` in numpy, which leaves the noise to ``NoiseTest``."""
-        count, (low, high, reach) = len(rows), bounds
-        recent[-count:] = rows[:, columns]
+        count, (low, high, reach) = len(rows), self._bounds
+        recent[:-count], recent[-count:], z[:] = before, rows[:, self._columns], self._calm
         last = recent[-count - 3 :]
         inside[:] = np.where((last > low) & (last < high), last, np.nan)
-        for place, size, step in zip(*stepping[2:], self._own_steps(recent), strict=True):
+        steps = zip(self._step_places, self._sizes, self._own_steps(recent), strict=True)
+        for place, size, step in steps:
             z[:, place] = step / size
-        before, now = recent[-count - 1 : -1], recent[-count:]
-        odd[:] = (np.abs(now - before) > reach) | (now == before)
-        return bool(odd.any()), bool(np.isnan(recent).any()), False
+        earlier, now = recent[-count - 1 : -1], recent[-count:]
+        odd[:] = (np.abs(now - earlier) > reach) | (now == earlier)
+        lacks, withheld = bool(np.isnan(recent).any()), self._held.step(rows, usable, z)
+        return bool(odd.any()), lacks, False, True, withheld
 
     def _look_apart(
         self,

@@ -87,8 +87,11 @@ class UnitChain(ObserverChain):
     def detect(self, block: ScanBlock, output: StreamOutput) -> tuple[Record, ...]:
         """Records of the detection that one scan causes."""
         self._add(block, output)
-        if self._question is None and not self.episode.is_open and self._shifts(output):
-            self._question = self._asked()
+        if self._question is None and not self.episode.is_open:
+            if output.results.quiet and self.stream.conditions.begins is None:
+                return ()
+            if self._shifts(output):
+                self._question = self._asked()
         if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):
             return ()
         caused = super().detect(block, output)

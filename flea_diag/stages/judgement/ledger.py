@@ -51,9 +51,9 @@ class _Scans(NamedTuple):
     stamps_ns: Stamps
     rows: Array
     z: Array
+    values: Array
     moving: Flags
-    speed: Array
-    predicted: Flags
+    motion: Array
     void: bool
     outside: bool
 
@@ -145,8 +145,8 @@ class JudgementLedger:
     ) -> int:
         """Take n scans; the first that changes which tests count as not judged, or n."""
         self.turned = False
-        speed, formed = residuals.motion[:, 0], ~np.isnan(residuals.values[:, self._predicted])
-        scans = _Scans(stamps_ns, rows, z, residuals.moving, speed, formed, void, outside)
+        values, moving, motion = residuals.values, residuals.moving, residuals.motion
+        scans = _Scans(stamps_ns, rows, z, values, moving, motion, void, outside)
         if int(stamps_ns[-1]) < self._until_ns:
             self._waiting.append(scans)
             return len(stamps_ns)
@@ -162,9 +162,9 @@ class JudgementLedger:
         return len(stamps_ns)
 
     def _wait(self, scans: _Scans, part: slice) -> None:
-        stamps_ns, rows, z, moving, speed, predicted, void, outside = scans
-        if len(stamps_ns[part]):
-            cut = stamps_ns[part], rows[part], z[part], moving[part], speed[part], predicted[part]
+        if len(scans.stamps_ns[part]):
+            stamps_ns, rows, z, values, moving, motion, void, outside = scans
+            cut = stamps_ns[part], rows[part], z[part], values[part], moving[part], motion[part]
             self._waiting.append(_Scans(*cut, void, outside))
 
     def _close(self, stamp_ns: int) -> bool:
@@ -191,9 +191,10 @@ class JudgementLedger:
         """Counts of the scans that wait."""
         if not self._waiting:
             return self._nothing(lost=self._lost)
-        _, rows, z, moving, speed, predicted = (
+        _, rows, z, values, moving, motion = (
             np.concatenate(parts) for parts in list(zip(*self._waiting, strict=True))[:6]
         )
+        speed, predicted = motion[:, 0], ~np.isnan(values[:, self._predicted])
         unread = np.isnan(rows)
         formed = np.isfinite(z[:, self._columns])
         formed[:, self._alone] &= ~unread[:, self._own]

@@ -97,6 +97,7 @@ class RegressorTable:
         rows, temperatures = effects.residuals, effects.temperatures
         self._read = np.array([rows.index[name] for name in temperatures], dtype=int)
         self._apart = np.array(rows.predicted_columns, dtype=int)
+        self._pairs = list(zip(self._read.tolist(), self._apart.tolist(), strict=True))
         self._residuals = rows
         self._signals = len(effects.relations.signals)
         self._lacking = effects.signals[self._signals + len(temperatures) + len(self._shapes) :]
@@ -108,14 +109,15 @@ class RegressorTable:
     def rows(self, rows: Array, residuals: ResidualRows) -> Array:
         """Columns of ``names``, shape (n, names), but for ``jumps``."""
         # What each temperature should read; the reading itself shares the residual's noise.
-        told = rows.take(self._read, axis=1) - residuals.values.take(self._apart, axis=1)
         if len(rows) == 1:
-            x = residuals.signals[0].tolist() + told[0].tolist()
+            pairs, read, apart = self._pairs, rows.item, residuals.values.item
+            x = residuals.signals[0].tolist() + [read(0, k) - apart(0, j) for k, j in pairs]
             speed, way = residuals.motion[0].tolist()
             own = self._answered(x, way, residuals)
             own += [place_of(rows, self._residuals)[0]] if self._of_law else []
             found = (*self._basis(x, way), *self._left, *own, speed, float(residuals.moving[0]))
             return np.array((found,))
+        told = rows.take(self._read, axis=1) - residuals.values.take(self._apart, axis=1)
         x = [*residuals.signals.T, *told.T]
         own = self._answered(x, residuals.motion[:, 1], residuals)
         own += [place_of(rows, self._residuals)] if self._of_law else []

@@ -80,14 +80,17 @@ class ResidualTests:
         growth = place.variance()
         if residuals.doubt is not None:
             growth = residuals.doubt if growth is None else growth * residuals.doubt
-        results = self._z_tests.step(near, growth)
+        leverage = place.leverage()
+        shift = self._mean_shift.input(len(near), leverage, place.loads)
+        results = self._z_tests.step(near, growth, shift)
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         if alone is not None and self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        self._mean_shift.step(near, results, alone, place.leverage(), place.loads, place.supplied)
+        given = near, results, alone, leverage, place.loads, place.supplied
+        self._mean_shift.step(*given, shift)
         return results
 
     def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:

@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.position_step import SPAN
 from flea_diag.core.sensors.sensor_tests import SensorTests
 from flea_diag.wire.records import ChannelTable
@@ -47,15 +46,16 @@ class SensorValidation:
             counts=c.counts,
             turned=(known.position, c.parameters.encoder_m_per_rad * c.period_s),
         )
-        self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
         self._places: npt.NDArray[np.int64] | None = None
         """Of the last scans among those tested, where some were missing."""
-        self.withholds = False
-        """Whether any of the last readings is withheld."""
-        self.k = self._tests.k.copy()
-        self.k[self._held.places] = self._held.k
+        self.k = self._tests.k
         """Limit of each test, NaN where the calibration has none."""
+
+    @property
+    def withholds(self) -> bool:
+        """Whether any of the last readings is withheld."""
+        return self._tests.withholds
 
     def take_ranges(self, table: ChannelTable) -> None:
         """Use the ranges of a channel table: a reading at the end of its range is clipped."""
@@ -65,7 +65,6 @@ class SensorValidation:
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
         self._tests.interrupt()
-        self._held.interrupt()
 
     @property
     def stuck(self) -> Mapping[str, int]:
@@ -106,6 +105,4 @@ class SensorValidation:
 
     def _tested(self, rows: Array) -> tuple[Array, Array]:
         results = self._tests.step(rows)
-        held = self._held.step(rows, results.usable, results.z)
-        self.withholds = held or self._tests.withholds
         return results.usable, results.z

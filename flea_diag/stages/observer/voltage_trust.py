@@ -28,6 +28,10 @@ from flea_diag.core.sensors.plausibility import VoltagePlausibility
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
+SURE: Flags = np.ones(1, dtype=bool)
+SURE.setflags(write=False)
+"""Of one scan whose voltage is trusted."""
+
 
 class VoltageVerdict(NamedTuple):
     """Trust in the voltage over n scans.
@@ -78,7 +82,7 @@ class VoltageTrust:
         lost_at = len(residuals)
         held, self._held = self._held, None
         if self._circuit < 0 or (alone is None and not self.lost):
-            sure: Flags = np.ones(lost_at, dtype=bool)
+            sure = SURE if lost_at == 1 else np.ones(lost_at, dtype=bool)
             return VoltageVerdict(sure, sure, lost_at, self.columns)
         alone = np.zeros(lost_at, dtype=bool) if alone is None else alone
         electrical = np.where(alone, residuals.values[:, self._circuit], np.nan)

@@ -103,8 +103,8 @@ def test_what_is_warmed_up_is_not_compiled_again(cold: Ran, warm: Ran, folder: P
     assert cold.process.returncode == 1
     assert "NUMBA_CACHE_DIR" in cold.process.stderr
     parts = {row["part"]: row["compiled"] for row in json.loads(cold.process.stdout)["parts"]}
-    assert "z_test_loops" in parts["diagnosis"]
-    assert "track_loops" in parts["diagnosis"]
+    assert "residual_test_loops" in parts["diagnosis"]
+    assert "observe_loops" in parts["diagnosis"]
     assert parts["simulated stand"] == ["_integrate"]
 
     assert warm.process.returncode == 0, warm.process.stdout + warm.process.stderr
