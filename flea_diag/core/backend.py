@@ -125,7 +125,7 @@ def bound(function: Callable[..., Any], **names: Any) -> FunctionType:
 def _compiled(
     options: dict[str, Any], function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]
 ) -> Callable[..., Any]:
-    import numba
+    numba = _numba()
     from numba.extending import register_jitable
 
     # Parts are always inlined. As calls they would be symbols, which a program that has just
@@ -139,6 +139,26 @@ def _compiled(
     except (RuntimeError, OSError):  # nowhere to keep a cache: a read-only installation
         result = numba.njit(**options)(function)
     return result
+
+
+@cache
+def _numba() -> Any:
+    """The library, without a look for what multiplies matrices, which no function here does.
+
+    It would import ``scipy.linalg`` to know whether that is there, a tenth of a start. A function
+    of somebody else that does is compiled as ever: that looks once more.
+    """
+    import numba
+
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules and "numba.np.arraymath" not in sys.modules:
+        sys.modules[blas] = None  # type: ignore[assignment]  # so an import of it fails
+        try:
+            from numba.np import arraymath
+        finally:
+            del sys.modules[blas]
+        arraymath._HAVE_BLAS = True
+    return numba
 
 
 def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> FunctionType:

@@ -46,6 +46,9 @@ from flea_diag.core.scan_counts import ScanCounts
 Array = npt.NDArray[np.float64]
 
 
+Lasting = Sequence[int] | npt.NDArray[np.int64]
+
+
 class TestResults:
     """For each residual and scan the test nearest to its limit, shape (n, residuals).
 
@@ -75,7 +78,7 @@ class TestResults:
             every.fill(np.nan)
             self.window.fill(0.0)
             self.growth.fill(1.0)
-        self.way: tuple[Sequence[int], Sequence[int]] = (0,) * scans, (0,) * scans
+        self.way: tuple[Lasting, Lasting] = (0,) * scans, (0,) * scans
         self.directed = frozenset[int]()
 
     @property

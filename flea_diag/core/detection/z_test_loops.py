@@ -68,10 +68,14 @@ def push_loops(row: Array, store: Array, valid: Flags, at: int, means: Flat) -> 
         valid[at, c] = good
         gap[c] = 0 if good else min(gap[c], longest[c]) + 1
         run[c] = run[c] + 1 if gap[c] <= longest[c] else 0
+    # Row by row, and sums apart from counts: so the compiler takes several columns at once.
     for w in range(len(lengths)):
+        came, left, total = store[at], store[at - lengths[w]], sums[w]
         for c in range(len(row)):
-            sums[w, c] += store[at, c] - store[at - lengths[w], c]
-            seen[w, c] += int(valid[at, c]) - int(valid[at - lengths[w], c])
+            total[c] += came[c] - left[c]
+        comes, leaves, count = valid[at], valid[at - lengths[w]], seen[w]
+        for c in range(len(row)):
+            count[c] += int(comes[c]) - int(leaves[c])
 
 
 def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:

@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +91,7 @@ class StreamPart(Frozen):
     ways: Array
     jumps: Array
 
-    @property
+    @cached_property
     def far(self) -> Array:
         """Standard deviations that the farthest relation is out, shape (n,)."""
         return np.asarray(np.abs(self.errors).max(axis=1))
@@ -130,8 +131,8 @@ class RecurringFault(Frozen):
 def bursts(far: Array, least: float = FAR) -> list[slice]:
     """Runs of windows that are not quiet and hold one that is at least so far out."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], far > NEAR, [0])).astype(int)))
-    runs = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-    return [run for run in runs if far[run].max() > least]
+    ends = edges.reshape(-1, 2)[np.maximum.reduceat(np.append(far, 0.0), edges)[::2] > least]
+    return [slice(first, behind) for first, behind in ends.tolist()]
 
 
 def recurring(
@@ -176,18 +177,20 @@ def _weighed(
     left, shown = _left(part, loud, found.size)
     fits = usable & (left < (1.0 - EXPLAINED) * shown)
     which = np.flatnonzero(fits)
+    states = _states(part, which, found.size[which])
+    often = _turns(states) >= LEAST_TIMES
     shows = [
-        (k, states)
-        for k, states in zip(which.tolist(), _states(part, which, found.size[which]), strict=True)
-        if _comes_and_goes(part, states) and _jumps(part, states, reading[k])
+        (k, own)
+        for k, own in zip(which[often].tolist(), states[often], strict=True)
+        if not _is_one_way(part, own) and _jumps(part, own, reading[k])
     ]
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
     nats = marginal_ratio(sums, prior, reaching=True)
     least = _stays(part, asked, prior) + APART_NATS
     kept = [
-        RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, states)
-        for k, states in shows
+        RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, own)
+        for k, own in shows
         if nats[k] > least
     ]
     return sorted(kept, key=lambda each: -each.nats)
@@ -208,6 +211,7 @@ def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> float:
     return float(max(faults, other_unit(both.own, 1) + max(with_unit, 0.0)))
 
 
+@lru_cache(maxsize=16)
 def _of_a_part(prior: SizePrior) -> SizePrior:
     """Sizes of which a part is there: of any that a fault may have, and none.
 
@@ -256,13 +260,27 @@ def _states(part: StreamPart, models: Places, sizes: Array) -> Places:
     along = (effect * part.errors[..., None]).sum(axis=1) / np.maximum(strength, 1e-300)
     explained = EXPLAINED * np.square(part.errors).sum(axis=1)
     states = np.where((strength >= SHOWS) & (np.abs(along) < ABSENT * strength), -1, 0)
-    every = np.arange(len(models))
-    for run in bursts(part.far, SHOWS):
-        peaks = run.start + along[run].argmax(axis=0)
-        most = along[peaks, every]
-        there = (most > SHOWS) & (np.square(most) > explained[peaks])
-        states[run, there] = 1
+    runs = bursts(part.far, SHOWS)
+    inside = np.flatnonzero(_marked(runs, len(states)))
+    lengths = np.array([run.stop - run.start for run in runs], dtype=int)
+    begins, told = np.cumsum(lengths) - lengths, along[inside]
+    most = np.maximum.reduceat(told, begins)
+    at_peak = told == np.repeat(most, lengths, axis=0)
+    least = np.maximum.reduceat(np.where(at_peak, explained[inside, None], 0.0), begins)
+    there = np.repeat((most > SHOWS) & (np.square(most) > least), lengths, axis=0)
+    states[inside] = np.where(there, 1, states[inside])
     return np.ascontiguousarray(states.T)
+
+
+def _turns(states: Places) -> Places:
+    """How often each came and how often it went, the smaller, (models,), of states (models, n)."""
+    every, told = np.arange(states.shape[1]), states != 0
+    last = np.maximum.accumulate(np.where(told, every, -1), axis=1)
+    before = np.column_stack((np.full(len(states), -1), last[:, :-1]))
+    was = np.where(before >= 0, np.take_along_axis(states, np.maximum(before, 0), axis=1), 0)
+    turned = told & (was != states)
+    came, went = (np.count_nonzero(turned & (states == way), axis=1) for way in (1, -1))
+    return np.asarray(np.minimum(came, went))
 
 
 def _comings(states: Places) -> Places:
@@ -272,11 +290,9 @@ def _comings(states: Places) -> Places:
     return np.asarray(told[turned & (states[told] > 0)])
 
 
-def _comes_and_goes(part: StreamPart, states: Places) -> bool:
-    """Whether it came and went often enough, whatever direction it moves in."""
-    if min(len(_comings(states)), len(_comings(-states))) < LEAST_TIMES:
-        return False
-    return not any(_parts(way, states) for way in part.ways.T)
+def _is_one_way(part: StreamPart, states: Places) -> bool:
+    """Whether it came and went with a direction of motion."""
+    return any(_parts(way, states) for way in part.ways.T)
 
 
 def _parts(way: Array, states: Places) -> bool:

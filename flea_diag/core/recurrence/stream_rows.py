@@ -33,7 +33,6 @@ from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.evidence.white_stream import (
     exact_share,
     predicted_sigma,
-    standardised,
     weight_of,
 )
 from flea_diag.core.frozen import Frozen
@@ -164,8 +163,9 @@ class StreamRows:
 
     def _rows(self, window: LawWindow, first: int, standing: _Standing) -> WindowRows:
         (rows, sigma, known), covariance = standing, self._covariance
-        errors = standardised(rows, self._eta, covariance)
-        predicted = np.where(known, sigma * predicted_sigma(rows, covariance), np.inf)
+        scatter = predicted_sigma(rows, covariance)
+        errors = (rows[..., 0] - rows[..., 1:] @ self._eta) / scatter
+        predicted = np.where(known, sigma * scatter, np.inf)
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
         both = known[:, :, None] & known[:, None]
         shared = self._h.noise.shared * np.square(exact_share(errors)[..., 0])[:, None]

@@ -68,7 +68,7 @@ class WatchedWindows:
         self._h, self._fast, self._load, self._most = hypotheses, fast, load, most
         self._windows: list[WatchedWindow] = []
         self._formed = 0
-        self._errors, self._faults, self._units, self._ways = (np.empty(0),) * 4
+        self._errors, self._faults, self._units, self._ways, self._jumps = (np.empty(0),) * 5
 
     def __len__(self) -> int:
         return len(self._windows)
@@ -89,7 +89,7 @@ class WatchedWindows:
         """Forget the oldest."""
         self._form()
         del self._windows[:count]
-        for rows in (self._errors, self._faults, self._units, self._ways):
+        for rows in (self._errors, self._faults, self._units, self._ways, self._jumps):
             rows[: len(self)] = rows[count : count + len(self)].copy()
         self._formed = len(self)
 
@@ -98,25 +98,24 @@ class WatchedWindows:
         self._form()
         count, shape = len(self), self._h.signatures.shape
         faults = self._faults[:count].reshape(count, -1, *shape)
-        jumps = np.array([window.jump for window in self._windows])
-        return StreamPart(
-            self._errors[:count], faults, self._units[:count], self._ways[:count], jumps
-        )
+        units, ways, jumps = self._units[:count], self._ways[:count], self._jumps[:count]
+        return StreamPart(self._errors[:count], faults, units, ways, jumps)
 
     def _form(self) -> None:
         """What is new, behind what has been formed."""
         if self._formed == len(self):
             return
-        rows = WindowRows.joined([window.row for window in self._windows[self._formed :]])
+        fresh = self._windows[self._formed :]
+        rows = WindowRows.joined([window.row for window in fresh])
         load = np.sign(np.median(rows.window.read[..., self._load], axis=-1))
         ways = np.column_stack((self._h.friction.way(rows.window), load))
         new = slice(self._formed, len(self))
         told = (each[:, self._fast] for each in (rows.errors, *rows.added(self._h)))
-        every = *told, ways
+        every = *told, ways, np.array([window.jump for window in fresh])
         if not self._formed:
             shapes = ((self._most, *each.shape[1:]) for each in every)
-            self._errors, self._faults, self._units, self._ways = map(np.empty, shapes)
-        kept = self._errors, self._faults, self._units, self._ways
+            self._errors, self._faults, self._units, self._ways, self._jumps = map(np.empty, shapes)
+        kept = self._errors, self._faults, self._units, self._ways, self._jumps
         for rows_kept, made in zip(kept, every, strict=True):
             rows_kept[new] = made
         self._formed = len(self)

@@ -34,6 +34,8 @@ from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 class HeldReadings:
@@ -97,6 +99,15 @@ class HeldReadings:
         """
         places, any_withheld, state = iter(self.places), False, self._state.table
         for channel, (column, command) in enumerate(self._columns):
+            if len(rows) > 1:
+                asked = np.full(len(rows), math.nan) if command is None else rows[:, command]
+                runs, lone = self._many(channel, rows[:, column], asked)
+                missing = lone >= self._least[channel]
+                if missing.any():
+                    usable[missing, column], any_withheld = math.nan, True
+                if command is not None:
+                    z[:, next(places)] = runs
+                continue
             held, before = state["last"][channel].tolist()
             run, alone = state["runs"][channel].tolist()
             told, withheld = [], []
@@ -118,3 +129,29 @@ class HeldReadings:
             if command is not None:
                 z[:, next(places)] = told
         return any_withheld
+
+    def _many(self, channel: int, values: Array, asked: Array) -> tuple[Counts, Counts]:
+        """Of n scans at once: for how many each reading is held against the command, and alone."""
+        state = self._state.table
+        held, before = state["last"][channel].tolist()
+        run, alone = state["runs"][channel].tolist()
+        known = ~np.isnan(values)
+        value, asks = values[known], asked[known]
+        same, silent = value == np.append(held, value[:-1]), np.isnan(asks)
+        # A command that is missing is as it was.
+        told = np.maximum.accumulate(np.where(silent, 0, np.arange(1, 1 + len(asks))))
+        command = np.append(before, asks)[told]
+        moved = np.abs(asks - np.append(before, command[:-1])) > 0.0
+        runs = np.append(run, in_a_row(same & moved, ~same, run))
+        lone = np.append(alone, in_a_row(same & silent, ~(same & silent), alone))
+        if len(value):
+            state["last"][channel] = value[-1], command[-1]
+            state["runs"][channel] = runs[-1], lone[-1]
+        upto = np.cumsum(known)
+        return runs[upto], lone[upto]
+
+
+def in_a_row(counted: Flags, over: Flags, begun: int = 0) -> Counts:
+    """How many of the counted scans there have been since one with which it was over, (n,)."""
+    counts = begun + np.cumsum(counted)
+    return np.asarray(counts - np.maximum.accumulate(np.where(over, counts, 0)))

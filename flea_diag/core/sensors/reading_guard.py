@@ -89,6 +89,10 @@ class ReadingGuard:
             self._step = abs(last - before)
             self._came = abs(before - first), self._step
 
+    def stand(self) -> None:
+        """The reading has been held, and has not leapt since: no jump goes on."""
+        self._went = 0.0
+
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False, gap: int = 1
     ) -> tuple[bool, float]:

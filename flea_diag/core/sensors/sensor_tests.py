@@ -30,7 +30,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.flat_state import FlatState
 from flea_diag.core.scan_counts import ScanCounts
-from flea_diag.core.sensors.held_reading import HeldReadings
+from flea_diag.core.sensors.held_reading import HeldReadings, in_a_row
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.own_readings import (
     KEPT,
@@ -349,8 +349,35 @@ class SensorTests:
                 self._follow(index, readings[:, 0].tolist(), scans.tolist(), rests, block)
             else:
                 readings = recent[-count - 3 :, index]
-                self._follow(index, readings.tolist(), range(-3, count), rests, block)
+                taken = 0 if count == 1 else self._hold_shortly(index, readings, known, z)
+                left = readings[taken:].tolist()
+                self._follow(index, left, range(taken - 3, count), rests, block)
         self._watched = {index for index in self._watched if self._guards[index].busy}
+
+    def _hold_shortly(self, index: int, readings: Array, rests: Flags | None, z: Array) -> int:
+        """Take the leading scans of a channel, held no longer than chance allows; how many.
+
+        The same as ``_follow`` would: after each of these holds its guard is as it was. One that is
+        not over is left to that, as is what leaps or is missing.
+        """
+        guard, repeats = self._guards[index], self._limits[index].repeats
+        if guard.busy:
+            return 0
+        low, high, reach = self._bounds[:, index].tolist()
+        before, now = readings[2:-1], readings[3:]
+        held = (now == before) & (low < now) & (now < high)
+        run = in_a_row(held if rests is None else held & ~rests, ~held)
+        left = ~(np.abs(now - before) <= reach)
+        if repeats:
+            left |= run >= repeats
+        taken = int(left.argmax()) if left.any() else len(now)
+        over = np.flatnonzero(run[:taken] == 0)
+        taken = int(over[-1]) + 1 if len(over) else 0
+        if (now[:taken] == before[:taken]).any():
+            guard.stand()
+        if repeats:
+            z[:taken, self._own[index][1]] = run[:taken]
+        return taken
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""

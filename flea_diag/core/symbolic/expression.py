@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Union
 
 import numpy as np
@@ -79,6 +79,18 @@ class Expression:
     def __str__(self) -> str:
         return text(self)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without its hash: another process has others."""
+        return type(self), tuple(getattr(self, name) for name in self.__dataclass_fields__)
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((type(self), *(getattr(self, name) for name in self.__dataclass_fields__)))
+
+    def _hash_once(self) -> int:
+        """Of what holds others: else each look-up of a sum would hash all that is in it again."""
+        return self._hash
+
 
 @dataclass(frozen=True)
 class Constant(Expression):
@@ -99,6 +111,7 @@ class Sum(Expression):
     """At least two terms."""
 
     terms: tuple[Expression, ...]
+    __hash__ = Expression._hash_once
 
 
 @dataclass(frozen=True)
@@ -106,6 +119,7 @@ class Product(Expression):
     """At least two factors, the numeric one first."""
 
     factors: tuple[Expression, ...]
+    __hash__ = Expression._hash_once
 
 
 @dataclass(frozen=True)
@@ -114,6 +128,7 @@ class Power(Expression):
 
     base: Expression
     exponent: int
+    __hash__ = Expression._hash_once
 
 
 @dataclass(frozen=True)
@@ -122,6 +137,7 @@ class Function(Expression):
 
     name: str
     argument: Expression
+    __hash__ = Expression._hash_once
 
 
 ZERO, ONE = Constant(0.0), Constant(1.0)

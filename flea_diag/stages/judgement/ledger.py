@@ -57,9 +57,15 @@ class _Scans(NamedTuple):
     void: bool
     outside: bool
 
+    def since(self, first: int) -> _Scans:
+        """Without those before the first."""
+        stamps_ns, rows, z, values, moving, motion, *flags = self
+        later = stamps_ns[first:], rows[first:], z[first:], values[first:], moving[first:]
+        return _Scans(*later, motion[first:], *flags)
 
-class _Second(NamedTuple):
-    """Counts of one second, or of several added up: of each test, of each channel, of all scans.
+
+class _Counts(NamedTuple):
+    """Counts of each test, of each channel, of all scans.
 
     ``unheated``: without a residual by prediction, though it is read, once it has had one.
     ``overall``: scans, scans at rest, void, outside the calibration, and lost.
@@ -70,9 +76,6 @@ class _Second(NamedTuple):
     missing: Counts
     unheated: Counts
     overall: Counts
-
-    def plus(self, other: _Second) -> _Second:
-        return _Second(*(mine + its for mine, its in zip(self, other, strict=True)))
 
 
 class JudgementLedger:
@@ -116,8 +119,12 @@ class JudgementLedger:
         self._waiting: list[_Scans] = []
         self._lost = 0
         self._second, self._begun_ns, self._until_ns = 0, 0, 0
-        self._recent: list[_Second] = []
-        self._run = self._nothing()
+        tests, read = len(self._rows), len(self._channels)
+        self._ends = np.cumsum([tests, tests, read, tests])
+        """Where the parts of ``_Counts`` end that stand one behind the other in one row."""
+        self._recent = np.zeros((0, self._ends[-1] + 5), dtype=np.int64)
+        """Of each second one row."""
+        self._run = np.zeros(self._recent.shape[1], dtype=np.int64)
         self._low: Flags = np.zeros(len(self._rows), dtype=bool)
         self.void_why = ""
         """Why tests are void; empty: by an end of travel."""
@@ -147,50 +154,56 @@ class JudgementLedger:
         self.turned = False
         values, moving, motion = residuals.values, residuals.moving, residuals.motion
         scans = _Scans(stamps_ns, rows, z, values, moving, motion, void, outside)
+        self._waiting.append(scans)
         if int(stamps_ns[-1]) < self._until_ns:
-            self._waiting.append(scans)
             return len(stamps_ns)
-        taken = 0
-        while int(stamps_ns[-1]) >= self._until_ns:
-            end = int(np.searchsorted(stamps_ns, self._until_ns))
-            self._wait(scans, slice(taken, end))
-            taken = end
-            if self._close(int(stamps_ns[end])):
-                self.turned = True
-                return end
-        self._wait(scans, slice(taken, None))
+        waited = sum(len(each.stamps_ns) for each in self._waiting[:-1])
+        seconds = (stamps_ns - self._begun_ns) // SECOND_NS
+        ends = np.diff(seconds, prepend=self._second).nonzero()[0]
+        counts, begun = self._count(waited + ends)
+        last = self._close(counts, seconds[ends])
+        self._begun, end = begun[last], int(ends[last])
+        self._waiting = []
+        if self.turned:
+            return end
+        self._waiting = [scans.since(end)]
         return len(stamps_ns)
 
-    def _wait(self, scans: _Scans, part: slice) -> None:
-        if len(scans.stamps_ns[part]):
-            stamps_ns, rows, z, values, moving, motion, void, outside = scans
-            cut = stamps_ns[part], rows[part], z[part], values[part], moving[part], motion[part]
-            self._waiting.append(_Scans(*cut, void, outside))
+    def _close(self, counts: Counts, seconds: Counts) -> int:
+        """Seconds are over, each with the first scan of one of these; the last that was closed.
 
-    def _close(self, stamp_ns: int) -> bool:
-        """The second is over with the scan of this stamp; whether that changes anything."""
-        counted = self._counts()
-        self._waiting, self._lost = [], 0
-        passed = (stamp_ns - self._begun_ns) // SECOND_NS
-        pause = min(passed - self._second - 1, RECENT)
-        self._recent = [*self._recent, counted, *([self._nothing()] * pause)][-RECENT:]
-        self._second, self._until_ns = passed, self._begun_ns + (passed + 1) * SECOND_NS
-        self._run = self._run.plus(counted)
-        self.unsaid = True
-        recent = self._sum()
+        That is the first that changes which tests count as not judged, if any does.
+        """
+        counts[0, -1], self._lost, begun = self._lost, 0, len(self._recent)
+        pauses = np.minimum(np.diff(seconds, prepend=self._second) - 1, RECENT)
+        behind = begun + np.cumsum(1 + pauses)
+        rows = np.zeros((1 + behind[-1], counts.shape[1]), dtype=np.int64)
+        rows[1 : begun + 1], rows[behind - pauses] = self._recent, counts
+        sums = np.cumsum(rows, axis=0)
+        recent = self._parts(sums[behind] - sums[np.maximum(behind - RECENT, 0)])
         share = recent.judged / np.maximum(recent.due, 1)
-        best = np.where(self._alike, share, 0.0).max(axis=1, initial=0.0)
-        low = np.where(self._low, best < HIGH, best < LOW)
-        known = (self._alike & (recent.due >= self._least)).any(axis=1)
-        low = np.where(known, low, self._low) & self._counted
-        changed = bool((low != self._low).any())
-        self._low = low
-        return changed
+        best = np.where(self._alike, share[:, None], 0.0).max(axis=2, initial=0.0)
+        enough = (recent.due >= self._least)[:, None]
+        known = np.asarray((self._alike & enough).any(axis=2))
+        last = -1
+        while not self.turned and last + 1 < len(counts):
+            last += 1
+            low = np.where(self._low, best[last] < HIGH, best[last] < LOW)
+            low = np.where(known[last], low, self._low) & self._counted
+            self.turned = bool((low != self._low).any())
+            self._low = low
+        self._recent = rows[1 : behind[last] + 1][-RECENT:].copy()
+        self._run = self._run + counts[: last + 1].sum(axis=0)
+        self._second = int(seconds[last])
+        self._until_ns = self._begun_ns + (self._second + 1) * SECOND_NS
+        self.unsaid = True
+        return last
 
-    def _counts(self) -> _Second:
-        """Counts of the scans that wait."""
-        if not self._waiting:
-            return self._nothing(lost=self._lost)
+    def _count(self, ends: Counts) -> tuple[Counts, Flags]:
+        """Counts of the scans that wait up to each of these ends, shape (ends, counts).
+
+        And which predictions had a residual by then, shape (ends, predictions).
+        """
         _, rows, z, values, moving, motion = (
             np.concatenate(parts) for parts in list(zip(*self._waiting, strict=True))[:6]
         )
@@ -200,35 +213,28 @@ class JudgementLedger:
         formed[:, self._alone] &= ~unread[:, self._own]
         rest = ~(moving | np.isnan(speed))
         due = ~(rest[:, None] & self._gated)
-        begun = np.maximum.accumulate(predicted, axis=0) | self._begun
-        self._begun = begun[-1]
-        unheated = np.zeros(len(self._rows), dtype=np.int64)
-        unknown = begun & ~predicted & ~unread[:, self._stored]
-        unheated[self._stores] = np.count_nonzero(unknown, axis=0)
-        lengths = np.array([len(s.stamps_ns) for s in self._waiting])
-        flags = np.array([[s.void, s.outside] for s in self._waiting])
-        void, outside = (lengths[:, None] * flags).sum(axis=0)
-        return _Second(
-            np.count_nonzero(formed & due, axis=0),
-            np.count_nonzero(due, axis=0),
-            np.count_nonzero(unread, axis=0),
-            unheated,
-            np.array([len(rows), np.count_nonzero(rest), void, outside, self._lost]),
-        )
+        begun = np.maximum.accumulate(np.vstack((self._begun, predicted)), axis=0)
+        unheated = np.zeros(formed.shape, dtype=bool)
+        unheated[:, self._stores] = begun[1:] & ~predicted & ~unread[:, self._stored]
+        overall = np.zeros((len(rows), 5), dtype=bool)  # as of ``_Counts``; none of them is lost
+        overall[:, 0], overall[:, 1] = True, rest
+        lengths = [len(scans.stamps_ns) for scans in self._waiting]
+        flags = [(scans.void, scans.outside) for scans in self._waiting]
+        overall[:, 2:4] = np.repeat(flags, lengths, axis=0)
+        every = np.concatenate((formed & due, due, unread, unheated, overall), axis=1)
+        begins = np.append(0, ends[:-1]).tolist()
+        stretches = (every[a:b] for a, b in zip(begins, ends.tolist(), strict=True))
+        counts = [np.count_nonzero(stretch, axis=0) for stretch in stretches]
+        return np.array(counts, dtype=np.int64), begun[ends]
 
-    def _nothing(self, lost: int = 0) -> _Second:
-        empty = np.zeros(len(self._rows), dtype=np.int64)
-        overall = np.array([0, 0, 0, 0, lost])
-        return _Second(empty, empty, np.zeros(len(self._channels), dtype=np.int64), empty, overall)
-
-    def _sum(self) -> _Second:
-        return _Second(*(sum(parts[1:], parts[0]) for parts in zip(*self._recent, strict=True)))
+    def _parts(self, counts: Counts) -> _Counts:
+        return _Counts(*np.split(counts, self._ends, axis=-1))
 
     def report(self) -> tuple[JudgedTest, ...]:
         """Each test with its shares; empty before a second is over."""
-        if not self._recent:
+        if not len(self._recent):
             return ()
-        recent, run = self._sum(), self._run
+        recent, run = self._parts(self._recent.sum(axis=0)), self._parts(self._run)
         scans, all_scans = (max(1, int(s.overall[0])) for s in (recent, run))
         found = []
         for k, row in enumerate(self._rows):
@@ -245,7 +251,7 @@ class JudgementLedger:
             )
         return tuple(found)
 
-    def _why(self, test: int, recent: _Second) -> tuple[Cause, str]:
+    def _why(self, test: int, recent: _Counts) -> tuple[Cause, str]:
         """Why a test had not every scan to judge: the first cause that holds."""
         scans, rest, void, outside, lost = recent.overall.tolist()
         if recent.judged[test] >= scans:

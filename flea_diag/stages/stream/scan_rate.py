@@ -148,7 +148,9 @@ class ScanRate:
             self._squares = sums[1] + int(squares[at - 1])
             self._unsure = sums[2] + int(unsure[at - 1])
             if at in ends:
-                self._look()
+                self._marks.append(self._mark())
+        if ends:
+            self.off_hz = self._judged(self._marks)
         self._scans += count
 
     def _sums(self, before_ns: int, stamps_ns: Stamps) -> tuple[Stamps, Stamps, Stamps]:

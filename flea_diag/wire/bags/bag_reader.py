@@ -140,10 +140,15 @@ class BagReader:
         if len(self._sources) > 1:
             ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
         read = dict.fromkeys(wanted, 0)
+        last, topic = None, None
         for message in ordered:
-            topic = wanted.get(message.channel.topic)
-            if topic is not None and message.channel.message == topic.message:
-                read[message.channel.topic] += 1
+            channel = message.channel
+            if channel is not last:  # mostly scans follow each other
+                last, topic = channel, wanted.get(channel.topic)
+                if topic is not None and channel.message != topic.message:
+                    topic = None
+            if topic is not None:
+                read[channel.topic] += 1
                 yield topic.record, message
         self.losses += [
             f"{name}: {self._stated[name] - count} of the {self._stated[name]} messages that "

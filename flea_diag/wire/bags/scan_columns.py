@@ -52,7 +52,7 @@ def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
         return None
     if count != len(channels) or not 0 <= size - end - EMPTY <= TRAILING:
         return None
-    if any(len(message) != size for message in messages):
+    if {*map(len, messages)} != {size}:
         return None
     table = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(-1, size)
     alike = (table[:, STAMP.stop : start] == table[0, STAMP.stop : start]).all()

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import pytest
 from hypothesis import given
@@ -97,6 +98,16 @@ def test_substituting_a_number_is_evaluating(tree: Expression) -> None:
 )
 def test_normal_form(built: Expression, words: str) -> None:
     assert str(built) == words
+
+
+def test_a_hash_stays_in_its_process() -> None:
+    built = X * Y + Z
+    assert hash(built) == hash(X * Y + Z)
+    kept = pickle.loads(pickle.dumps(built))
+    assert "_hash" in vars(built)
+    assert "_hash" not in vars(kept)
+    assert kept == built
+    assert hash(kept) == hash(built)
 
 
 def test_equal_expressions_compare_equal() -> None:
