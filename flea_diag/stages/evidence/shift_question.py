@@ -67,6 +67,7 @@ class ShiftQuestion:
         self._asked = 0
         self._settled = False
         """Whether the answer is final."""
+        self.answer = ShiftAnswer.UNTOLD
         self.answer = self._told(windows)
 
     @property
@@ -123,8 +124,13 @@ class ShiftQuestion:
             found = stream.told(found.change)
         if found is None and stream.other_unit > 0:
             return ShiftAnswer.OTHER_UNIT
-        if self.sudden and found is not None and not found.change.evidence.first.goes_both_ways:
-            found = None if self._asked < self._patience else found
+        if self.sudden and self.answer is ShiftAnswer.UNTOLD and found is not None:
+            weighed = found.change.evidence.weighed()
+            if stream.is_unit(found.change, weighed):
+                return ShiftAnswer.OTHER_UNIT
+            both_ways = found.change.evidence.first.goes_both_ways
+            is_alone = both_ways and stream.leads(weighed) > 0.0
+            found = found if is_alone or self._asked >= self._patience else None
         self._found = found
         may_be = self.sudden or stream.may_be_unit
         waits = found is None and may_be and self._asked < self._patience
