@@ -46,6 +46,10 @@ class SizePrior:
     low: Array
     high: Array
 
+    def of(self, models: npt.NDArray[np.intp]) -> SizePrior:
+        """The same of these models alone."""
+        return SizePrior(*(each[models] for each in (self.mean, self.sigma, self.low, self.high)))
+
 
 @dataclass(frozen=True, eq=False)
 class FaultSignatures:

@@ -25,7 +25,7 @@ is small nothing is known. Where it is large, ``a`` near 1 is *present* and near
 comes and goes when it has been absent, between times at which it was present, in windows in which
 it would have shown, and when nothing that stays explains the same windows as well: a fault, another
 unit, or both. The windows about the ends of a burst hold some of it, more or less: of what stays
-they say nothing.
+they say nothing. Of what comes and goes each burst may hold another part.
 """
 
 from __future__ import annotations
@@ -187,6 +187,9 @@ def _weighed(
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
     nats = marginal_ratio(sums, prior, reaching=True)
+    models = np.array([k for k, _ in shows])
+    parts = _in_parts(part, told_by, _of_a_part(prior).of(models), models)
+    nats[models] = np.logaddexp(nats[models], parts) - math.log(2.0)
     least = _stays(part, asked, prior) + APART_NATS
     kept = [
         RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, own)
@@ -227,7 +230,16 @@ def _of_a_part(prior: SizePrior) -> SizePrior:
     return replace(prior, mean=mean, sigma=sigma, low=low, high=high)
 
 
-def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:
+def _in_parts(part: StreamPart, bursts: Sequence[slice], prior: SizePrior, models: Places) -> Array:
+    """Evidence of these models where each burst holds a part of its own, shape (models,)."""
+    each = [marginal_ratio(_sums(part, burst, models=models), prior) for burst in bursts]
+    return np.asarray(np.sum(each, axis=0))
+
+
+def _sums(
+    part: StreamPart, which: Flags | slice, of_unit: bool = False,
+    models: Places | slice = slice(None),
+) -> Sums:  # fmt: skip
     """Sums over these windows, what no model gives exactly counting as noise.
 
     ``of_unit``: with what another unit may differ by.
@@ -236,7 +248,7 @@ def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:
     exact, own = exact_share(errors), errors[..., None]
     if of_unit:
         own = np.concatenate((own, part.units[which]), axis=-1)
-    return Sums.of(own * exact, part.faults[which] * exact[..., None])
+    return Sums.of(own * exact, part.faults[which][:, :, models] * exact[..., None])
 
 
 def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:

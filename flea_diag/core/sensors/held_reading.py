@@ -97,40 +97,18 @@ class HeldReadings:
 
         What is held without a command becomes NaN in ``usable``, shape (n, channels); whether any.
         """
-        places, any_withheld, state = iter(self.places), False, self._state.table
+        places, any_withheld = iter(self.places), False
         for channel, (column, command) in enumerate(self._columns):
-            if len(rows) > 1:
-                asked = np.full(len(rows), math.nan) if command is None else rows[:, command]
-                runs, lone = self._many(channel, rows[:, column], asked)
-                missing = lone >= self._least[channel]
-                if missing.any():
-                    usable[missing, column], any_withheld = math.nan, True
-                if command is not None:
-                    z[:, next(places)] = runs
-                continue
-            held, before = state["last"][channel].tolist()
-            run, alone = state["runs"][channel].tolist()
-            told, withheld = [], []
-            values = rows[:, column].tolist()
-            asks = [math.nan] * len(rows) if command is None else rows[:, command].tolist()
-            # Plain numbers: one scan costs less than one call of numpy.
-            for value, asked in zip(values, asks, strict=True):
-                if value == value:
-                    same = value == held
-                    run = run + (abs(asked - before) > 0.0) if same else 0
-                    alone = alone + 1 if same and asked != asked else 0
-                    held, before = value, before if asked != asked else asked
-                told.append(run)
-                withheld.append(alone >= self._least[channel])
-            state["last"][channel], state["runs"][channel] = (held, before), (run, alone)
-            if any(withheld):
-                usable[withheld, column] = math.nan
-                any_withheld = True
+            asked = np.full(len(rows), math.nan) if command is None else rows[:, command]
+            runs, lone = self._in_a_row(channel, rows[:, column], asked)
+            missing = lone >= self._least[channel]
+            if missing.any():
+                usable[missing, column], any_withheld = math.nan, True
             if command is not None:
-                z[:, next(places)] = told
+                z[:, next(places)] = runs
         return any_withheld
 
-    def _many(self, channel: int, values: Array, asked: Array) -> tuple[Counts, Counts]:
+    def _in_a_row(self, channel: int, values: Array, asked: Array) -> tuple[Counts, Counts]:
         """Of n scans at once: for how many each reading is held against the command, and alone."""
         state = self._state.table
         held, before = state["last"][channel].tolist()

@@ -23,12 +23,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import Enum, auto
 
+from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.stages.evidence.evidence_group import TOLD_WINDOWS
 from flea_diag.stages.evidence.stream_evidence import Found, StreamEvidence
 
 LOOKS = 5
 """Windows from look to look at whether an open episode is over, or was another unit: 1 s."""
+SUDDEN_WINDOWS = 1 + 2 * ONSET_WINDOWS
+"""Windows until one counts of what begins with the present one: an onset begins every
+``ONSET_WINDOWS``, and as many after it and one before it hold a part of what has begun."""
 
 
 class ShiftAnswer(Enum):
@@ -42,24 +46,38 @@ class ShiftAnswer(Enum):
 class ShiftQuestion:
     """Asked with the windows up to a shift.
 
+    Parameters
+    ----------
+    sudden
+        Whether it is seen before any window that counts holds it: that the law finds nothing yet
+        tells nothing.
+
     Attributes
     ----------
     answer
         As far as is known. A fault that came with another unit is a fault.
     """
 
-    def __init__(self, stream: StreamEvidence, windows: Iterable[LawWindow]) -> None:
-        self._stream = stream
+    def __init__(
+        self, stream: StreamEvidence, windows: Iterable[LawWindow], sudden: bool = False
+    ) -> None:
+        self._stream, self.sudden = stream, sudden
+        self._patience = TOLD_WINDOWS + SUDDEN_WINDOWS * sudden
         self._found: Found | None = None
         self._asked = 0
         self._settled = False
         """Whether the answer is final."""
+        self.answer = ShiftAnswer.UNTOLD
         self.answer = self._told(windows)
 
     @property
     def is_asked(self) -> bool:
         """Whether windows to come may change the answer."""
         return not self._settled and self.answer is not ShiftAnswer.OTHER_UNIT
+
+    def end(self) -> None:
+        """It is a fault, until windows to come tell another unit."""
+        self.answer = ShiftAnswer.FAULT
 
     def add(self, window: LawWindow) -> bool:
         """Take one more window; whether the answer is another one now."""
@@ -79,8 +97,17 @@ class ShiftQuestion:
             weighed = found.change.evidence.weighed()
             if self._stream.was_unit(found.change, weighed):
                 return ShiftAnswer.OTHER_UNIT
-            self._settled = self._stream.is_no_unit(found.change, weighed)
+            self._settled = self._is_told(found) or self._stream.is_no_unit(found.change, weighed)
         return ShiftAnswer.FAULT
+
+    def _is_told(self, found: Found) -> bool:
+        """Whether another unit would have shown since a thermocouple has stepped.
+
+        It shows with the first motion forth and back; what comes later may be of the run.
+        """
+        evidence = found.change.evidence
+        both_ways = evidence.first.goes_both_ways
+        return self.sudden and both_ways and evidence.windows >= TOLD_WINDOWS
 
     def _take(self, found: Found, window: LawWindow) -> None:
         self._stream.history.add(window)
@@ -95,8 +122,16 @@ class ShiftQuestion:
             for window in later:
                 self._take(found, window)
             found = stream.told(found.change)
-        self._found = found
         if found is None and stream.other_unit > 0:
             return ShiftAnswer.OTHER_UNIT
-        waits = found is None and stream.may_be_unit and self._asked < TOLD_WINDOWS
+        if self.sudden and self.answer is ShiftAnswer.UNTOLD and found is not None:
+            weighed = found.change.evidence.weighed()
+            if stream.is_unit(found.change, weighed):
+                return ShiftAnswer.OTHER_UNIT
+            both_ways = found.change.evidence.first.goes_both_ways
+            is_alone = both_ways and stream.leads(weighed) > 0.0
+            found = found if is_alone or self._asked >= self._patience else None
+        self._found = found
+        may_be = self.sudden or stream.may_be_unit
+        waits = found is None and may_be and self._asked < self._patience
         return ShiftAnswer.UNTOLD if waits else ShiftAnswer.FAULT

@@ -176,8 +176,15 @@ class StreamEvidence:
 
         That another unit looks so has the probability of a false alarm: it is asked no more.
         """
-        ahead = float(weighed.alone[self._judged].max()) - weighed.unit
-        return change.evidence.windows >= TOLD_WINDOWS and ahead > change.limit
+        return change.evidence.windows >= TOLD_WINDOWS and self.leads(weighed) > change.limit
+
+    def is_unit(self, change: StreamChange, weighed: OnsetWeighed) -> bool:
+        """The same the other way round: another unit, be there a fault of it as well or not."""
+        return change.evidence.windows >= TOLD_WINDOWS and -self.leads(weighed) > change.limit
+
+    def leads(self, weighed: OnsetWeighed) -> float:
+        """By how much a fault alone is ahead of another unit, nats."""
+        return float(weighed.alone[self._judged].max()) - weighed.unit
 
     def _go_over(self, onset: int) -> None:
         """Another unit is in use from a window on: nothing before it counts."""

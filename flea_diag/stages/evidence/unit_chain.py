@@ -19,6 +19,9 @@ equally warm, no thermocouple tells that control went over to another one, whose
 So before a shift opens an episode the windows of the law are weighed (``StreamEvidence``): nothing,
 another unit, or a fault. Another unit begins a new stream, as one that thermocouples tell does;
 anything else opens the episode, at the latest when the law has seen as much as it takes to tell.
+
+A unit with one thermocouple has none that would step with it: that it alone has stepped tells an
+error of it where there are others, and here nothing. So the law is asked of it, too.
 """
 
 from __future__ import annotations
@@ -26,12 +29,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.kept_scans import KeptScans
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.core.sensors.unit_change import TOGETHER
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
 from flea_diag.stages.evidence.shift_question import ShiftAnswer, ShiftQuestion
 from flea_diag.stages.observer.channels import ChannelReadings
@@ -42,6 +47,8 @@ from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.stages.recurrence.recurrence_watch import placed_along
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import Record
+
+Flags = npt.NDArray[np.bool_]
 
 KEPT_S = 20.0
 """History that is weighed: as long as the earlier level of a shift."""
@@ -56,8 +63,14 @@ class UnitChain(ObserverChain):
     ) -> None:  # fmt: skip
         self._k = knowledge.of_any_unit
         rows = effects.residuals
-        # A predicted temperature follows its sensor while nothing deviates: it keeps no change.
-        self._slow = np.array([name in rows.predictions for name in knowledge.relations])
+        # A predicted temperature follows its sensor while nothing deviates: it keeps no change,
+        # but that of which the law is asked.
+        of_unit = [name for name in rows.predictions if name not in rows.own]
+        alone = of_unit if len(of_unit) < TOGETHER else []
+        self._alone = np.array([row.name in alone for row in rows.rows])
+        """The one thermocouple of the unit, by residual; none where there are more."""
+        slow = set(rows.predictions).difference(alone)
+        self._slow = np.array([name in slow for name in knowledge.relations])
         super().__init__(calibration, effects, parameters)
         self._position = rows.position if rows.position in effects.names else ""
         self._records = ResidualRecords(rows, calibration, self.stream.regressor_names)
@@ -82,7 +95,7 @@ class UnitChain(ObserverChain):
         """The first scan with which the detection causes a record, or the law has its answer."""
         waits, first = self._is(ShiftAnswer.UNTOLD), super().happens(block, output)
         answered = self._add(block, output)
-        return answered if waits else min(first, answered)
+        return min(self._beside(output) if waits else first, answered)
 
     def detect(self, block: ScanBlock, output: StreamOutput) -> tuple[Record, ...]:
         """Records of the detection that one scan causes."""
@@ -91,13 +104,24 @@ class UnitChain(ObserverChain):
             if output.results.quiet and self.stream.conditions.begins is None:
                 return ()
             if self._shifts(output):
-                self._question = self._asked()
+                sudden = bool(output.results.deviating()[0, self._alone].any())
+                self._question = self._asked(sudden)
+                if sudden:  # levels before it may be those of another unit
+                    self.stream.turn(opened=True)
+        elif self._question is not None and self._beside(output) == 0:
+            self._question.end()
         if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):
             return ()
         caused = super().detect(block, output)
         if not self.episode.is_open:
-            self._question = None
+            self._forget_question()
         return caused
+
+    def _forget_question(self) -> None:
+        """What was asked of has opened nothing, or is over."""
+        if self._question is not None and self._question.sudden:
+            self.stream.turn(opened=False)
+        self._question = None
 
     def _is(self, answer: ShiftAnswer) -> bool:
         return self._question is not None and self._question.answer is answer
@@ -129,14 +153,14 @@ class UnitChain(ObserverChain):
                     answered = min(answered, number - before)
         return answered
 
-    def _asked(self) -> ShiftQuestion:
+    def _asked(self, sudden: bool) -> ShiftQuestion:
         """Of the windows up to now."""
         if self._kept is None:
             return ShiftQuestion(self._k.stream(), ())
         self._means, windows = self._kept.windows()
         count = len(windows.values)
         every = (self._changing(windows.part(k)) for k in range(count))
-        return ShiftQuestion(self._k.stream(), every)
+        return ShiftQuestion(self._k.stream(), every, sudden)
 
     def _changing(self, window: LawWindow) -> LawWindow:
         """A window without what keeps no change."""
@@ -144,9 +168,26 @@ class UnitChain(ObserverChain):
 
     def _shifts(self, output: StreamOutput) -> bool:
         """Whether something deviates, and all that does has left its own earlier level."""
+        return bool(output.results.deviating()[0].any()) and not self._beyond(output)[0].any()
+
+    def _beyond(self, output: StreamOutput) -> Flags:
+        """What deviates from all healthy units, (scans, residuals): no level of its own is left."""
         results = output.results
-        deviating = results.deviating()[0]
-        return bool(deviating.any()) and not np.isnan(results.shift[0, deviating]).any()
+        return np.asarray(results.deviating() & np.isnan(results.shift) & ~self._alone)
+
+    def _beside(self, output: StreamOutput) -> int:
+        """The first scan at which more deviates than the thermocouple that is asked about, or n."""
+        count = len(output.results.z)
+        question = self._question
+        if question is None or not question.sudden or question.answer is not ShiftAnswer.UNTOLD:
+            return count
+        scans = np.flatnonzero(self._beyond(output).any(axis=1))
+        return int(scans[0]) if len(scans) else count
+
+    @property
+    def freezes(self) -> bool:
+        """Also while it is asked whether what deviates is another unit."""
+        return super().freezes or self._is(ShiftAnswer.UNTOLD)
 
     def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan at which another unit is in use, or n."""

@@ -31,6 +31,8 @@ Array = npt.NDArray[np.float64]
 WINDOWS = 200
 CAME = (20, 51, 90, 118, 160)
 """Windows with which it comes, five times, for four windows each."""
+PARTS = (1.0, 0.3, 0.45, 0.35, 0.7)
+"""What each of these times shows of it, where something else hides the rest."""
 ANY_SIZE = SizePrior(*(np.array([[mean], [mean]]) for mean in (0.0, 10.0, -np.inf, np.inf)))
 
 
@@ -57,8 +59,8 @@ def stream(signal: Array, share: Array, ways: Array | None = None) -> StreamPart
     return StreamPart(errors, faults, unit, other, np.zeros((WINDOWS, 1)))
 
 
-def found(part: StreamPart, reading: int = -1) -> list[RecurringFault]:
-    return recurring(part, ANY_SIZE, np.array([True, True]), (reading, reading))
+def found(part: StreamPart, reading: int = -1, prior: SizePrior = ANY_SIZE) -> list[RecurringFault]:
+    return recurring(part, prior, np.array([True, True]), (reading, reading))
 
 
 def test_each_time_is_counted_and_its_size_is_told() -> None:
@@ -68,6 +70,18 @@ def test_each_time_is_counted_and_its_size_is_told() -> None:
     assert np.abs(best.comings - np.array(CAME)).max() <= 1
     assert best.whole
     assert best.size[0] == pytest.approx(30.0, rel=0.05)
+
+
+def test_each_time_may_show_another_part_of_it() -> None:
+    """Bursts are long, and no size that the fault may have explains all of them."""
+    share = there()
+    for first, part in zip(CAME, PARTS, strict=True):
+        share[first : first + 4] *= part
+    whole = SizePrior(*(np.array([[value], [value]]) for value in (29.0, 1.0, 27.0, 31.0)))
+    (best, *_) = found(stream(np.ones(WINDOWS), share), prior=whole)
+    assert best.model == 1
+    assert best.whole
+    assert len(best.comings) == len(CAME)
 
 
 def test_a_fault_that_stays_comes_and_goes_by_what_it_acts_by() -> None:

@@ -19,6 +19,7 @@ Runs of the simulated stand, on which the law of its calibration was not learned
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -47,6 +48,7 @@ pytestmark = pytest.mark.slow
 
 SWITCH_S = 15.0
 MOTION = {"kind": "sine", "amplitude_m": 0.0218, "frequency_hz": 0.5, "centre_m": 0.045}
+OF_WING = {"kind": "sine", "amplitude_m": 0.012, "frequency_hz": 0.4, "centre_m": 0.04}
 
 
 @cache
@@ -60,9 +62,21 @@ def recorded(seed: int, **more: Any) -> tuple[Record, ...]:
     return tuple(record for record in stand if isinstance(record, ChannelTable | Scan))
 
 
-def told(run: tuple[Record, ...]) -> tuple[list[Detection], AmbiguityGroup]:
+@cache
+def of_wing(seed: int, warmer_k: float = 0.0, **fault: Any) -> tuple[Record, ...]:
+    """The same on a machine with one thermocouple on its unit."""
+    values: dict[str, Any] = {"machine": "wing", "motion": OF_WING, "duration_s": 30.0}
+    if warmer_k:
+        values["switch"] = {"at_s": SWITCH_S, "to": "X", "warmer_k": warmer_k}
+    if fault:
+        values["faults"] = [fault | ({"unit": "X"} if warmer_k else {"onset_s": SWITCH_S})]
+    stand = SimulatedStand(scenario(**values, seed=seed))
+    return tuple(record for record in stand if isinstance(record, ChannelTable | Scan))
+
+
+def told(run: tuple[Record, ...], stand: str = "flea") -> tuple[list[Detection], AmbiguityGroup]:
     """Detections of a run, and its last verdict."""
-    kept = diagnose(iter(run), make_pipeline(load_stand("flea"))).kept
+    kept = diagnose(iter(run), make_pipeline(load_stand(stand))).kept
     groups = [record for record in kept if isinstance(record, AmbiguityGroup)]
     return [record for record in kept if isinstance(record, Detection)], groups[-1]
 
@@ -120,13 +134,38 @@ def test_a_jammed_unit_that_is_as_warm_is_found() -> None:
     assert {"jam"} <= {member.fault for member in last.members} <= {"jam", "ball_nut_friction"}
 
 
-def test_scans_one_by_one_say_the_same_as_in_blocks() -> None:
+@pytest.mark.parametrize("warmer_k", [15.0, -8.0])
+def test_a_unit_whose_one_thermocouple_reads_more_is_another_one(warmer_k: float) -> None:
+    """It was called an error of that reading, which alone had stepped."""
+    detections, last = told(of_wing(7751, warmer_k), "wing")
+    assert [(d.detected, d.test) for d in detections] == [(False, ANOTHER_UNIT)]
+    assert last.outcome is Outcome.NOMINAL
+
+
+def test_the_one_thermocouple_alone_is_an_error_of_it() -> None:
+    detections, last = told(of_wing(7752, fault="motor_temperature_bias", size=12.0), "wing")
+    assert [d.detected for d in detections] == [True]
+    assert "motor_temperature_bias" in {member.fault for member in last.members}
+
+
+def test_a_jammed_unit_that_is_warmer_is_found_by_one_thermocouple() -> None:
+    detections, last = told(of_wing(7753, 15.0, fault="jam", size=1.0), "wing")
+    assert any(d.detected for d in detections)
+    assert {"jam"} <= {member.fault for member in last.members} <= {"jam", "ball_nut_friction"}
+
+
+@pytest.mark.parametrize(
+    ("stand", "run"), [("flea", lambda: recorded(5014)), ("wing", lambda: of_wing(7751, 15.0))]
+)
+def test_scans_one_by_one_say_the_same_as_in_blocks(
+    stand: str, run: Callable[[], tuple[Record, ...]]
+) -> None:
     """From a second before the switch until it is recognised."""
-    run = recorded(5014)[:2300]
-    alone, together = (make_pipeline(load_stand("flea")) for _ in range(2))
-    single = [*stands.said_in_blocks(alone, run[:1400])]
-    single += [said for record in run[1400:] for said in alone.handle(record)]
-    blocks = stands.said_in_blocks(together, run)
+    records = run()[:2300]
+    alone, together = (make_pipeline(load_stand(stand)) for _ in range(2))
+    single = [*stands.said_in_blocks(alone, records[:1400])]
+    single += [said for record in records[1400:] for said in alone.handle(record)]
+    blocks = stands.said_in_blocks(together, records)
     of_one, of_many = (
         [r for r in every if isinstance(r, Detection | AmbiguityGroup)]
         for every in (single, blocks)
