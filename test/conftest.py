@@ -80,21 +80,19 @@ def starts_nodes(path: Path) -> bool:
     return bool(STARTS_NODES.search(path.read_text(encoding="utf-8")))
 
 
-def _group(path: Path) -> str:
-    """Whose tests run one after another with those of this file: nodes, stands, or nobody's."""
-    if not starts_nodes(path):
-        return ""
-    return "stands" if path.relative_to(HERE).as_posix() in IN_REAL_TIME else "nodes"
+def _follows_a_stand(path: Path) -> bool:
+    return path.relative_to(HERE).as_posix() in IN_REAL_TIME
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files that start nodes come first: they mostly wait, and another worker fills the time."""
+    """Files that start nodes come first: they mostly wait, and a stand fills the time."""
     paths = {item.path for item in items}
     live = {path for path in paths if starts_nodes(path)}
     missed = {i.path for i in items if "domain" in getattr(i, "fixturenames", ())} - live
     if missed:
         raise pytest.UsageError(f"{min(missed)}: says nowhere 'domain: int', but starts nodes")
-    items.sort(key=lambda item: (item.path not in live, _place(item.path)))
+    items.sort(key=lambda item: (not _follows_a_stand(item.path), item.path not in live,
+                                 _place(item.path)))  # fmt: skip
 
 
 def _place(path: Path) -> int:
@@ -134,7 +132,7 @@ GIVES_WAY = 10
 
 
 def _give_way(path: Path) -> None:
-    if _group(path) != "stands" and os.nice(0) < GIVES_WAY:
+    if not _follows_a_stand(path) and os.nice(0) < GIVES_WAY:
         os.nice(GIVES_WAY)
 
 
@@ -168,18 +166,21 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.partition("::")[0]
-            return _group(config.rootpath / file) or file
+            return "stands" if _follows_a_stand(config.rootpath / file) else file
 
     config.option.loadscopereorder = False  # the order is that of the collection
     return ByFile(config, log)
 
 
 COLD, READS_FIRST, READ_LIMIT_S = "NOTHING_IS_COMPILED", "gw0", 180.0
+FEW = 20
+"""Files of tests that may have been read before all others are: ``scripts/check`` reads one."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Where nothing is compiled yet: what numba compiles begins beside the reading of tests."""
-    is_cold = not any(HERE.glob("**/test_*-pytest-*.pyc")) and not sys.dont_write_bytecode
+    compiled_files = len(list(HERE.glob("**/test_*-pytest-*.pyc")))
+    is_cold = compiled_files < FEW and not sys.dont_write_bytecode
     if "PYTEST_XDIST_WORKER" in os.environ or not is_cold or find_spec("xdist") is None:
         return
     os.environ[COLD] = "1"

@@ -31,13 +31,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.wire.regular_file import opened
 from flea_sim_driver.machine.machine import Limits
 
 if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
     from flea_diag.wire.records import Scan
 
 COLUMNS = ("time_s", "position_m", "load_N")
@@ -72,6 +73,8 @@ class Flight:
     @cached_property
     def _path(self) -> PchipInterpolator:
         """A smooth curve that passes no row's position by."""
+        from scipy.interpolate import PchipInterpolator  # slow to import, and few stands fly
+
         return PchipInterpolator(self.time_s, self.position_m)
 
     def acceleration_m_s2(self) -> Array:

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.machine.machine import Limits
@@ -89,6 +88,8 @@ def _gust(rms: float, scale_s: float, *, vertical: bool = True) -> Shape:
     """Dryden turbulence (MIL-F-8785C, 3.7.2.2), scale length over speed in s, behind the servo."""
 
     def shape(time_s: Array, draw: np.random.Generator) -> Array:
+        from scipy.signal import lfilter  # a second to import, and few stands fly
+
         pole = np.exp(-ROW_S / scale_s)
         forming = ([1.0], [1.0, -pole])
         if vertical:  # (1 + sqrt(3) L s / V) / (1 + L s / V)^2

@@ -25,7 +25,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from flea_sim_driver.plant.plant import STEP_S
 
@@ -47,6 +46,9 @@ class FollowedValue:
     """One value of the bus within its limits; ``rate`` is its greatest change in a second."""
 
     def __init__(self, start: float, low: float, high: float, rate: float) -> None:
+        from scipy.signal import lfilter  # a second to import, so not at the first value
+
+        self._filter = lfilter
         self._low, self._high, self._step = low, high, rate * STEP_S
         self._wanted = self._at = start
         self._state = start * np.array([1.0 - _LAG[0][0], -_LAG[1][2]])
@@ -69,5 +71,5 @@ class FollowedValue:
         )  # fmt: skip
         followed = self._at + way
         self._at = float(followed[-1])
-        smooth, self._state = lfilter(*_LAG, followed, zi=self._state)
+        smooth, self._state = self._filter(*_LAG, followed, zi=self._state)
         return np.asarray(smooth)

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import in_turn
 from support.places import ROOT, script
 
 FOLDER = ROOT / "docs" / "notebooks"
@@ -36,7 +37,7 @@ def texts(notebook: dict[str, Any]) -> list[str]:
     return ["".join(o.get("text", o.get("data", {}).get("text/plain", ""))) for o in outputs]
 
 
-@pytest.mark.parametrize("name", RUNNER.NAMES)
+@pytest.mark.parametrize("name", in_turn(RUNNER.NAMES, 2))
 def test_a_notebook_runs_and_says_what_it_is_kept_to_say(
     compiled: None, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

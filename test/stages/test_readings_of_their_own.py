@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import in_turn
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -51,7 +52,7 @@ def groups(machine: str, spoil) -> list[AmbiguityGroup]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", ["axis", "joint", "shoulder"])
+@pytest.mark.parametrize("machine", in_turn(["axis", "joint", "shoulder"], 3))
 @pytest.mark.parametrize("zero", [True, False])
 def test_a_slow_temperature_that_is_held_or_reads_zero_is_dead(machine: str, zero: bool) -> None:
     def dies(values, times_s, channels) -> None:
@@ -64,7 +65,7 @@ def test_a_slow_temperature_that_is_held_or_reads_zero_is_dead(machine: str, zer
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", ["axis", "joint", "wing"])
+@pytest.mark.parametrize("machine", in_turn(["axis", "joint", "wing"], 3))
 @pytest.mark.parametrize("share", [0.03, 0.3, None])
 def test_channels_that_lack_readings_raise_no_alarm(machine: str, share: float | None) -> None:
     def lose(values, times_s, channels) -> None:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import stands
+from support import in_turn, stands
 from support.stand_runs import fault, records
 
 from flea_diag.configuration.component import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
@@ -278,7 +278,7 @@ OTHER_FRICTION = pit_of_another_unit(
 
 @pytest.mark.parametrize(
     ("scenario", "relations"),
-    [(UNIT_FIRST, []), (PIT_FIRST, ["parity_electrical"]), (OTHER_FRICTION, [])],
+    in_turn([(UNIT_FIRST, []), (PIT_FIRST, ["parity_electrical"]), (OTHER_FRICTION, [])], 3),
 )
 def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
     scenario: dict[str, Any], relations: list[str]

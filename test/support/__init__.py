@@ -17,12 +17,30 @@
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Sequence
+from typing import TypeVar
 
-ALL = "ALL_EXAMPLES"
+T = TypeVar("T")
+ALL, TURN = "ALL_EXAMPLES", "TURN_OF_CASES"
 SHARE = 4
 """Of so many examples one is tried, unless all are asked for."""
+DAY_S = 86_400
+
+# Set by the process that starts the workers: all of them have to find the same tests.
+os.environ.setdefault(TURN, str(int(time.time()) // DAY_S))
 
 
 def examples(most: int) -> int:
     """A quarter of ``most``; all of them where the variable ``ALL_EXAMPLES`` is set."""
     return most if os.environ.get(ALL) else max(most // SHARE, 1)
+
+
+def in_turn(cases: Sequence[T], share: int = SHARE) -> list[T]:
+    """Every so-and-so-many-th of these cases, others each day; all with ``ALL_EXAMPLES``.
+
+    For cases that take the same way through the code as their neighbours, and take seconds.
+    """
+    if os.environ.get(ALL):
+        return list(cases)
+    return list(cases[int(os.environ[TURN]) % share :: share])

@@ -19,13 +19,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support import in_turn
 from support.disk.failing_commands import WRITING, failed, operations
 from support.graph.recorder_alone import recorded
 
 QUICK = [name for name, row in WRITING.items() if not row.slow]
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", in_turn(QUICK, 2))
 def test_a_command_leaves_what_was_there_or_all_that_it_writes(name: str, tmp_path: Path) -> None:
     """Of every operation: the disk is full with it, and with it alone."""
     count, whole = operations(name, tmp_path / "disk")

@@ -20,11 +20,12 @@ from collections.abc import Callable
 from functools import cache
 
 import pytest
+from support import in_turn
 from support.graph.judged import Judged, flown
 from support.graph.spoilt_source import SPOILT
 from support.graph.world import TROUBLES
 
-SEEDS = range(100, 104)
+SEEDS = in_turn(range(100, 104), 2)
 """``bench/robustness/graph.py`` flies as many as one likes."""
 
 

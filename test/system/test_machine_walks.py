@@ -30,6 +30,7 @@ from typing import Any
 
 import pytest
 import yaml
+from support import in_turn
 from support.places import ROOT
 
 from flea_diag.tools.main import main
@@ -131,7 +132,7 @@ def walked(machine: str, place: Path) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("machine", WALKS)
+@pytest.mark.parametrize("machine", in_turn(tuple(WALKS), 3))
 def test_four_commands_and_a_file_lead_from_recordings_to_a_verdict(
     machine: str, tmp_path: Path
 ) -> None:

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import in_turn
 from support.neighbours.bridged import bridged
 from support.places import ROOT, script
 
@@ -37,8 +38,8 @@ from flea_diag.wire.records import Scan
 
 STANDS = sorted(path.parent.name for path in (ROOT / "config" / "stands").glob("*/channels.yaml"))
 MOTIONS = ("nominal", "nominal_sweep")
-HEALTHY = dict.fromkeys(("joint", "axis", "shoulder", "gimbal"), MOTIONS)
-"""Stand with topics -> two healthy motions. Those with columns or text are read from the recordings
+HEALTHY = dict.fromkeys(("joint", "axis", "shoulder", "gimbal"), in_turn(MOTIONS, 2))
+"""Stand with topics -> a healthy motion. Those with columns or text are read from the recordings
 of others: test_cranfield.py, test_real_flea.py."""
 ELSEWHERE = ("cranfield", "flea")
 SENT = 120
@@ -75,7 +76,7 @@ def tutorial(name: str) -> Any:
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a bag of each motion of each stand, of a unit that no calibration saw."""
+    """A folder with a bag of a motion of each stand, of a unit that no calibration saw."""
     folder = tmp_path_factory.mktemp("simulated")
     for stand, motions in HEALTHY.items():
         for motion in motions:

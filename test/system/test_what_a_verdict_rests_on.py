@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import in_turn
 from support.disk.failing_disk import FailingDisk
 from support.graph.network import Network
 from support.graph.runs import Run, run_of
@@ -282,7 +283,7 @@ def replayed(records: Sequence[Record]) -> list[AmbiguityGroup]:
     return [record for record in said if isinstance(record, AmbiguityGroup)]
 
 
-@pytest.mark.parametrize("name", [name for name in ROWS if name not in LIVE])
+@pytest.mark.parametrize("name", in_turn([name for name in ROWS if name not in LIVE], 2))
 def test_the_right_answer_replayed(name: str) -> None:
     row = ROWS[name]
     run = row.change(run_of(row.unit, LENGTH_S))
@@ -292,7 +293,7 @@ def test_the_right_answer_replayed(name: str) -> None:
     assert row.words in said[-1].words
 
 
-@pytest.mark.parametrize("name", LIVE)
+@pytest.mark.parametrize("name", in_turn(LIVE, 2))
 def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
     row = ROWS[name]
     said = verdicts(world_of(row, tmp_path))
@@ -306,8 +307,9 @@ def test_the_right_answer_live_and_replayed(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["a load cell with its sign turned", "a command cut off", "a position 50 ms late",
-             "revolutions a minute as rad/s", "positions swapped"]
+    "name", in_turn(["a load cell with its sign turned", "a command cut off",
+                     "a position 50 ms late", "revolutions a minute as rad/s",
+                     "positions swapped"], 2)
 )  # fmt: skip
 def test_the_evidence_names_the_wiring_too(name: str) -> None:
     words, change = WIRINGS[name]

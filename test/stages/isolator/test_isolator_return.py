@@ -26,6 +26,7 @@ import pytest
 from support import stands
 
 from flea_diag.configuration.component import DIAGNOSER, ISOLATOR, OBSERVER
+from flea_diag.core.state_copy import state_copy
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.records import (
     AmbiguityGroup,
@@ -64,6 +65,11 @@ def between(begin_s: float, end_s: float) -> list[Record]:
 class Stand:
     """An observer that lives on, and isolators that come and go."""
 
+    @staticmethod
+    def after(killed_s: float) -> Stand:
+        """Its state at the return, of a run until then that is made once."""
+        return state_copy(_until_return(killed_s))
+
     def __init__(self, killed_s: float, away_s: float = AWAY_S) -> None:
         """An isolator was killed, and none was there for a while."""
         self.observer = OBSERVER.build(DIAGNOSER.parameters())
@@ -93,11 +99,16 @@ class Stand:
         return [group for group in stands.of(AmbiguityGroup, said) if group.episode]
 
 
+@cache
+def _until_return(killed_s: float) -> Stand:
+    return Stand(killed_s)
+
+
 @pytest.mark.parametrize("deaf", [0, 60])
 @pytest.mark.parametrize("killed_s", [9.6, 17.0])
 def test_no_verdict_is_wrong_and_the_fault_is_named_again(killed_s: float, deaf: int) -> None:
     """Symbols from before are of a motion that it has not seen, and its evidence begins anew."""
-    groups = Stand(killed_s).groups(None, deaf)
+    groups = Stand.after(killed_s).groups(None, deaf)
     assert groups
     for group in groups:
         assert "jam" in stands.members(group), group.words
@@ -109,7 +120,7 @@ def test_no_verdict_is_wrong_and_the_fault_is_named_again(killed_s: float, deaf:
 @pytest.mark.parametrize("killed_s", [9.6, 17.0])
 def test_what_was_dropped_before_is_never_named_again(killed_s: float, deaf: int) -> None:
     """Both at the moment of the return and with all evidence since: groups only shrink."""
-    stand = Stand(killed_s)
+    stand = Stand.after(killed_s)
     before = stand.kept
     assert before.dropped
     for group in stand.groups(before, deaf):
@@ -125,7 +136,7 @@ def test_what_was_dropped_before_is_never_named_again(killed_s: float, deaf: int
 @pytest.mark.parametrize("deaf", [0, 60])
 @pytest.mark.parametrize("why", ["before the detection", "after the return", "no episode"])
 def test_a_verdict_of_another_episode_or_run_tells_nothing(why: str, deaf: int) -> None:
-    stand = Stand(9.6)
+    stand = Stand.after(9.6)
     before, earliest = stand.kept, jammed()[0].stamp_ns
     other = {
         "before the detection": replace(before, stamp_ns=before.detected_stamp_ns - 1),
@@ -133,6 +144,6 @@ def test_a_verdict_of_another_episode_or_run_tells_nothing(why: str, deaf: int) 
         "no episode": replace(before, episode=0),
     }[why]
     until_s = stand.back_s + 1.0
-    told, untold = stand.groups(other, deaf, until_s), Stand(9.6).groups(None, deaf, until_s)
+    told, untold = stand.groups(other, deaf, until_s), Stand.after(9.6).groups(None, deaf, until_s)
     assert told == untold
     assert stands.members(untold[0]) > stands.members(before)

@@ -19,6 +19,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+from support import stands
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -31,6 +32,8 @@ from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S = 10.0
+END = 2**62
+"""Beyond all stamps."""
 
 
 @cache
@@ -83,9 +86,17 @@ def test_one_that_stays_does_not() -> None:
 
 @pytest.mark.slow
 def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
+    """While the winding opens for the first four times; before and after in blocks."""
     pipeline, said = make_pipeline(load_stand()), []
-    for record in sent(0.2, 1.8):
-        said += pipeline.handle(record)
+    start_ns = sent(0.2, 1.8)[0].stamp_ns
+    begin_ns, end_ns = (start_ns + round((ONSET_S + s) * 1e9) for s in (-0.5, 7.5))
+    before, during, after = (
+        [r for r in sent(0.2, 1.8) if low <= r.stamp_ns - begin_ns < high]
+        for low, high in ((-END, 0), (0, end_ns - begin_ns), (end_ns - begin_ns, END))
+    )
+    said += stands.said_in_blocks(pipeline, before)
+    said += [caused for record in during for caused in pipeline.handle(record)]
+    said += stands.said_in_blocks(pipeline, after)
     alone = tuple(said) + pipeline.finish()
     groups = [record for record in told(0.2, 1.8) if not isinstance(record, Block)]
     assert digest(alone) == digest(groups)

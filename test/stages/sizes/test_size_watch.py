@@ -104,10 +104,10 @@ def test_its_growth_and_its_end_are_told_while_it_grows(told: list[SizeTrend]) -
 def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(
     stand: Stand, told: list[SizeTrend]
 ) -> None:
-    """All scans between two sizes."""
+    """The last scans before a size, which sums all since the one before."""
     blocks = told[:2]
     end_ns = blocks[1].stamp_ns + SECOND_NS
-    alone = followed(stand, (blocks[0].stamp_ns - SECOND_NS, end_ns))
+    alone = followed(stand, (blocks[1].stamp_ns - 4 * SECOND_NS, end_ns))
     assert [t.stamp_ns for t in alone] == [t.stamp_ns for t in blocks]
     for one, other in zip(alone[-1].sizes, blocks[-1].sizes, strict=True):
         assert one.at_ns == other.at_ns
