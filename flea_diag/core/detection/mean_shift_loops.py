@@ -91,9 +91,8 @@ def mean_shift_test_loops(
     columns, places = counts_of(tests, COLUMNS)[0], counts_of(tests, PLACES)[0]
     gated, windows = counts_of(tests, GATED)[0], counts_of(level, WINDOWS)[0]
     reference, longest = counts_of(level, REFERENCE)[0, 0], counts_of(level, LONGEST)[0, 0]
-    ends, gaps, least = (
-        counts_of(level, ENDS)[0], counts_of(level, GAPS)[0], counts_of(level, LEAST)[0],
-    )  # fmt: skip
+    ends, gaps = counts_of(level, ENDS)[0], counts_of(level, GAPS)[0]
+    least = counts_of(level, LEAST)[0]
     units, most = 1 + len(change), 1 + len(change) + len(metric)
     shape = (len(columns), len(windows), most + 1)
     last, frozen = numbers_of(level, LAST).reshape(shape), numbers_of(level, FROZEN).reshape(shape)

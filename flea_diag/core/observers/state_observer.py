@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -180,10 +181,14 @@ class StateObserver:
         walk = WALK * described
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
-        flags = tuple(self._model.absent.tolist()), tuple(self._model.driving.tolist())
-        at = self._layout
-        self._which = equations, self._columns, *flags, (at.motion, at.predicted, at.raw)
+        self._which = self._compiled_for()
         self._filter: Filter | None = None
+
+    def _compiled_for(self) -> tuple[Any, ...]:
+        """What ``observe_of`` takes."""
+        model, at = self._model, self._layout
+        flags = tuple(model.absent.tolist()), tuple(model.driving.tolist())
+        return model.equations, self._columns, *flags, (at.motion, at.predicted, at.raw)
 
     @property
     def mean(self) -> Array:

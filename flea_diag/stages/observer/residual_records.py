@@ -46,13 +46,12 @@ class ResidualRecords:
     def _made(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
         results = output.results
         shaped("regressors", output.regressors.shape, (len(scans), len(self._regressor_names)))
-        z, k = results.every[:2].take(self._columns, axis=2)
         return ResidualBlock(
             scans.stamps_ns,
             self._names,
             output.residuals.values.take(self._columns, axis=1),
-            z,
-            k,
+            results.z.take(self._columns, axis=1),
+            results.k.take(self._columns, axis=1),
             self._regressor_names,
             output.regressors,
             *output.estimate,
