@@ -90,7 +90,8 @@ PAGES = (
         ("machine_ema", "machine_wing", "fresh_ema", "fresh_wing", "machine_joint", "bound_ema",
          "bound_wing", "healthy", "travel_wing", "units", "jam_ladder", "rates", "sensors",
          "foreign_hoist", "foreign_arm", "foreign_hoist_payload", "foreign_arm_payload",
-         "foreign_hoist_bound", "foreign_arm_bound", "contacts", "contacts_20ms", "pairs"),
+         "foreign_hoist_bound", "foreign_arm_bound", "switches_wing", "contacts", "contacts_20ms",
+         "pairs"),
     ),
     ResultPage(
         "remaining_life",
