@@ -176,9 +176,8 @@ class StateObserver:
         pwm = voltage_sampling == "instant_pwm"
         sigmas = tuple(sigma[name] for name in by.readings)
         described = rows.noise.get(by.position, 0.0)
-        ends = known.stop.high_m - known.stop.low_m
+        ends, walk = known.stop.high_m - known.stop.low_m, WALK * described
         self._extent = NOISES * described if math.isnan(ends) else ends
-        walk = WALK * described
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
         self._which = self._compiled_for()
