@@ -199,8 +199,8 @@ def pytest_collection(session: pytest.Session) -> Iterator[None]:
 
     That takes 15 s of a processor, and as long again for each that does it at the same time.
     """
-    worker = os.environ.get("PYTEST_XDIST_WORKER")
-    if worker is None or COLD not in os.environ:
+    worker = getattr(session.config, "workerinput", {}).get("workerid")
+    if worker is None or COLD not in os.environ:  # a test may start pytest: that is no worker
         return (yield)
     read = Path(session.config.option.basetemp).parent / "read"
     if worker == READS_FIRST:

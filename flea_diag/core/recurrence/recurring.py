@@ -189,7 +189,8 @@ def _weighed(
     nats = marginal_ratio(sums, prior, reaching=True)
     models = np.array([k for k, _ in shows])
     parts = _in_parts(part, told_by, _of_a_part(prior).of(models), models)
-    nats[models] = np.logaddexp(nats[models], parts) - math.log(2.0)
+    if parts.max() > nats[models].max():  # what the machine hides, it hides of each of them
+        nats[models] = parts
     least = _stays(part, asked, prior) + APART_NATS
     kept = [
         RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, own)
