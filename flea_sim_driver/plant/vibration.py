@@ -86,15 +86,6 @@ def ball_pass_order(unit: SimulatedUnit) -> float:
     return float(0.5 * balls_per_turn(unit) * (1.0 - gamma))
 
 
-def fast_length(least: int) -> int:
-    """The least product of powers of 2, 3 and 5 that is no less: transforms of it are quick.
-
-    ``scipy.fft.next_fast_len`` says the same and takes half a second to import.
-    """
-    odd = (3**threes * 5**fives for threes in range(20) for fives in range(14))
-    return min(part << max((least - 1) // part, 0).bit_length() for part in odd)
-
-
 @dataclass(frozen=True)
 class Severity:
     """Present strength of each vibration source, in the sizes of the fault catalogue."""
@@ -135,8 +126,10 @@ class Vibration:
         self._background = structure.background
         self.rate_hz = rate_hz
         self.count = count
+        from scipy.fft import next_fast_len  # slow to import: for those who have accelerometers
+
         ring = structure.impulse_responses(rate_hz)
-        self._length = fast_length(count + ring.shape[1])
+        self._length = next_fast_len(count + ring.shape[1], real=True)
         self._transfer = np.repeat(np.fft.rfft(ring, self._length), 3, axis=0)
         self._tail = np.zeros((6, ring.shape[1]))
         self._impulse = float(np.sqrt(rate_hz / IMPULSE_RATE_HZ))

@@ -34,7 +34,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.mean_shift_loops import ShiftInput
-from flea_diag.core.detection.residual_test_loops import residual_tests
+from flea_diag.core.detection.residual_test_loops import RESIDUAL_TEST_LOOPS
 from flea_diag.core.detection.symbols import MIXED, Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
@@ -102,7 +102,7 @@ class TestResults:
     @property
     def quiet(self) -> bool:
         """Whether none does in any scan."""
-        return not np.count_nonzero(np.abs(self.z) > self.k)
+        return not np.count_nonzero(self.deviating())
 
     def test(self, index: int) -> tuple[float, Test]:
         """Statistic after the first scan, and the test that it belongs to.
@@ -164,7 +164,7 @@ class Detector:
             if shift is None:
                 backends.exact(*Z_TEST_LOOPS)(*told, results.every)
             else:
-                results.shifted = residual_tests()(*told, results.every, shift)
+                results.shifted = backends.exact(*RESIDUAL_TEST_LOOPS)(*told, results.every, shift)
             return results
         grown = np.broadcast_to(grown, rows.values.shape)
         for group in self._groups:

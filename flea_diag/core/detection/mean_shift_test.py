@@ -144,10 +144,13 @@ class MeanShiftTest:
         """What compiled loops take to judge means of n scans; None where none are compiled."""
         if not self._compiled:
             return None
-        anyload, anywhere = self._nowhere
-        place = anyload if loads is None else loads, anywhere if leverage is None else leverage
-        found = np.empty((2, count, *self._k.shape))
+        place, found = self._place(leverage, loads), np.empty((2, count, *self._k.shape))
         return not self._says_nothing, place, self._state.flat, self._level.room(count), found
+
+    def _place(self, leverage: Array | None, loads: Array | None) -> tuple[Array, Array]:
+        """Loads, shape (n or 1, loads), and leverages, shape (n or 1, residuals)."""
+        anyload, anywhere = self._nowhere
+        return anyload if loads is None else loads, anywhere if leverage is None else leverage
 
     def step(
         self,
@@ -244,9 +247,7 @@ class MeanShiftTest:
 
         Both of shape (n, residuals, windows); then whether any is beyond its limit.
         """
-        anyload, anywhere = self._nowhere
-        loads = anyload if loads is None else loads
-        lever = (anywhere if leverage is None else leverage).take(self._columns, axis=1)
+        loads, leverage = self._place(leverage, loads)
         # The residuals as if nothing had been learned of the unit, and what units differ by.
         spread = rows.spread.take(self._places, axis=1)
         values = np.empty((*spread.shape[:2], self._level.columns))
@@ -256,7 +257,7 @@ class MeanShiftTest:
         known = np.where(np.isnan(loads), 0.0, loads)
         for place, weights in enumerate(self._metric.T, start=self._units):
             values[:, :, place] = summed_in_order(known * weights)[:, None]
-        values[:, :, -1] = lever
+        values[:, :, -1] = leverage.take(self._columns, axis=1)
         every = self._level.step(values, rows.moving[:, None] | ~self._gated)
         unit = summed_in_order(np.square(every[..., 1 : self._units]))
         apart = every[..., -1]

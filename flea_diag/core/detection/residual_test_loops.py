@@ -16,13 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core import backend as backends
 from flea_diag.core.detection.mean_shift_loops import (
     MEAN_SHIFT_LOOPS,
     ShiftInput,
@@ -45,9 +41,5 @@ def residual_test_loops(
     return judges and mean_shift_test_loops(table, place, tests, memory, found)
 
 
-@cache
-def residual_tests() -> Callable[..., bool]:
-    """``residual_test_loops``, compiled."""
-    parts = *Z_TEST_LOOPS, *MEAN_SHIFT_LOOPS
-    made: Callable[..., bool] = backends.exact(residual_test_loops, *parts)
-    return made
+RESIDUAL_TEST_LOOPS = (residual_test_loops, *Z_TEST_LOOPS, *MEAN_SHIFT_LOOPS)
+"""What ``backend.exact`` takes: the function, and what it calls."""

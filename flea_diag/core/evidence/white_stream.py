@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawWindow
-from flea_diag.core.run_law.law_noise import BOUND
+from flea_diag.core.run_law.law_noise import BOUND, left_beside
 from flea_diag.core.run_law.run_windows import zeroed
 from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals, WindowGain
 
@@ -79,8 +79,7 @@ def exact_share(errors: Array) -> Array:
 
 def standardised(white: Array, mean: Array, covariance: Array) -> Array:
     """Errors of [y, X] beside coefficients of X, in the standard deviations of a prediction."""
-    left = white[..., 0] - white[..., 1:] @ mean
-    return np.asarray(left / predicted_sigma(white, covariance))
+    return np.asarray(left_beside(white, mean) / predicted_sigma(white, covariance))
 
 
 def predicted_sigma(white: Array, covariance: Array) -> Array:
@@ -127,7 +126,7 @@ class WhiteStream:
         scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / sigma))[:, None]
         white = self._signals.step(apart @ rows, gain) * scale
         self.windows += 1
-        deviations = np.where(known, white[:, 0] - white[:, 1:] @ eta, np.nan)
+        deviations = np.where(known, left_beside(white, eta), np.nan)
         errors = deviations / predicted_sigma(white, covariance)
         parts = apart @ unit, apart @ added, apart @ growing
         return WhiteWindow(white, *parts, gain, scale, errors, deviations)

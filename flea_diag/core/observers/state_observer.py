@@ -225,20 +225,23 @@ class StateObserver:
             while done < count:
                 done += self._track(rows[done:], frozen, found.part(done))
             return found
-        model = self._model
-        scans = Scans.read(rows, self._columns, model.absent, model.command, model.driving)
+        scans = self._read(rows)
         measured = np.isfinite(scans.y).sum(axis=1)
         raw, lost = np.empty((count, at.raw)), np.empty(count, dtype=bool)
         for done in range(count):
             self._one(scans, done, frozen, raw[done], lost)
         return Innovations.joined(at, raw, measured, lost)
 
+    def _read(self, rows: Array) -> Scans:
+        """Input of the filter."""
+        model = self._model
+        return Scans.read(rows, self._columns, model.absent, model.command, model.driving)
+
     def _track(self, rows: Array, frozen: bool, found: Innovations) -> int:
         """Leading scans in one compiled call; how many it has taken."""
         begun, model, at = self._filter is None, self._model, self._layout
         if begun:
-            scans = Scans.read(rows[:1], self._columns, model.absent, model.command, model.driving)
-            self._start(scans, 0)
+            self._start(self._read(rows[:1]), 0)
         particles = self._filter
         assert isinstance(particles, ParticleFilter)
         motion = model.pwm, model.coefficients, model.record
@@ -253,10 +256,8 @@ class StateObserver:
 
     def _pattern(self, row: Array) -> tuple[Array, Array, Array]:
         """Input, measurements, and those that count while frozen, of one scan."""
-        model = self._model
-        scans = Scans.read(row[None], self._columns, model.absent, model.command, model.driving)
-        y, held = scans.y[0], scans.held[0]
-        return scans.u[0], y, held
+        scans = self._read(row[None])
+        return scans.u[0], scans.y[0], scans.held[0]
 
     def _start(self, scans: Scans, k: int) -> Filter:
         """A filter at scan k, whose readings are where it starts: nothing predicts them."""

@@ -42,6 +42,7 @@ from flea_diag.core.evidence.fault_evidence import other_unit
 from flea_diag.core.evidence.fault_signatures import SizePrior
 from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio, posterior
 from flea_diag.core.evidence.white_stream import exact_share
+from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
 
 Array = npt.NDArray[np.float64]
@@ -130,9 +131,9 @@ class RecurringFault(Frozen):
 
 def bursts(far: Array, least: float = FAR) -> list[slice]:
     """Runs of windows that are not quiet and hold one that is at least so far out."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], far > NEAR, [0])).astype(int)))
-    ends = edges.reshape(-1, 2)[np.maximum.reduceat(np.append(far, 0.0), edges)[::2] > least]
-    return [slice(first, behind) for first, behind in ends.tolist()]
+    runs = flag_runs(far > NEAR)
+    farthest = np.maximum.reduceat(np.append(far, 0.0), runs.ravel())[::2]
+    return [slice(first, behind) for first, behind in runs[farthest > least].tolist()]
 
 
 def recurring(

@@ -37,6 +37,7 @@ from flea_diag.core.evidence.white_stream import (
 )
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.recurrence.recurring import NEAR
+from flea_diag.core.run_law.law_noise import left_beside
 from flea_diag.core.run_law.run_windows import WINDOW_S
 
 Array = npt.NDArray[np.float64]
@@ -164,7 +165,7 @@ class StreamRows:
     def _rows(self, window: LawWindow, first: int, standing: _Standing) -> WindowRows:
         (rows, sigma, known), covariance = standing, self._covariance
         scatter = predicted_sigma(rows, covariance)
-        errors = (rows[..., 0] - rows[..., 1:] @ self._eta) / scatter
+        errors = left_beside(rows, self._eta) / scatter
         predicted = np.where(known, sigma * scatter, np.inf)
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
         both = known[:, :, None] & known[:, None]

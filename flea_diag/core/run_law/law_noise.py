@@ -164,7 +164,12 @@ class WhiteRun:
 
     def left(self, coefficients: Array) -> Array:
         """White residuals beside these coefficients, shape (windows, relations)."""
-        return np.asarray(self.rows[..., 0] - self.rows[..., 1:] @ coefficients)
+        return left_beside(self.rows, coefficients)
+
+
+def left_beside(rows: Array, coefficients: Array) -> Array:
+    """What is left of [y, X], shape (..., 1 + columns), beside coefficients of X."""
+    return np.asarray(rows[..., 0] - rows[..., 1:] @ coefficients)
 
 
 def learned_noise(left: Sequence[Array], sharing: Sequence[tuple[int, int]]) -> LawNoise:

@@ -17,13 +17,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-
-from flea_diag.core import backend as backends
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -77,17 +73,3 @@ def last_loops(
                 held[i, c] = last[c]
             differs |= within
     return differs
-
-
-@cache
-def glances() -> Callable[..., bool]:
-    """``glance_loops``, compiled."""
-    made: Callable[..., bool] = backends.exact(glance_loops)
-    return made
-
-
-@cache
-def lasts() -> Callable[..., bool]:
-    """``last_loops``, compiled."""
-    made: Callable[..., bool] = backends.exact(last_loops)
-    return made

@@ -28,6 +28,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flag_runs import in_a_row
 from flea_diag.core.flat_state import Flat, FlatState
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.sensors.sensor_limits import SensorLimit
@@ -35,7 +36,6 @@ from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 class HeldReadings:
@@ -127,9 +127,3 @@ class HeldReadings:
             state["runs"][channel] = runs[-1], lone[-1]
         upto = np.cumsum(known)
         return runs[upto], lone[upto]
-
-
-def in_a_row(counted: Flags, over: Flags, begun: int = 0) -> Counts:
-    """How many of the counted scans there have been since one with which it was over, (n,)."""
-    counts = begun + np.cumsum(counted)
-    return np.asarray(counts - np.maximum.accumulate(np.where(over, counts, 0)))

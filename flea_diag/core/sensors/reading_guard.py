@@ -26,11 +26,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.flag_runs import in_a_row
 from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.core.sensors.own_readings import ReadingTrain
 from flea_diag.core.sensors.position_step import SPAN
-from flea_diag.core.sensors.rest_watch import STUCK_S
+from flea_diag.core.sensors.rest_watch import STUCK_S, RestWatch
 from flea_diag.core.sensors.sensor_limits import DROPOUT_S, REACH_GUARD, SensorLimit
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 HOLD_S = 0.1
 """Time after which a position that jumped is accepted at the new level."""
@@ -89,9 +100,27 @@ class ReadingGuard:
             self._step = abs(last - before)
             self._came = abs(before - first), self._step
 
-    def stand(self) -> None:
-        """The reading has been held, and has not leapt since: no jump goes on."""
-        self._went = 0.0
+    def take_calm(self, readings: Array, inside: Flags, rests: Flags | None) -> Counts:
+        """Take leading readings held no longer than chance allows; repeats of each that is taken.
+
+        ``readings`` begins with the one before the first; ``inside`` is where the others are off
+        the ends of their range. The same as of ``take``: after each of these holds the guard is as
+        it was. One that is not over is left, as is what leaps or is missing.
+        """
+        if self.busy:
+            return np.empty(0, dtype=np.int64)
+        before, now = readings[:-1], readings[1:]
+        held = (now == before) & inside
+        run = in_a_row(held if rests is None else held & ~rests, ~held)
+        left = ~(np.abs(now - before) <= self._limit.reach)
+        if self._limit.repeats:
+            left |= run >= self._limit.repeats
+        taken = int(left.argmax()) if left.any() else len(now)
+        over = np.flatnonzero(run[:taken] == 0)
+        taken = int(over[-1]) + 1 if len(over) else 0
+        if (now[:taken] == before[:taken]).any():
+            self._went = 0.0  # it has not leapt since: no jump goes on
+        return run[:taken]
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False, gap: int = 1
@@ -144,3 +173,143 @@ class ReadingGuard:
         else:
             self._speed = change
         return leapt
+
+
+class GuardedScans(NamedTuple):
+    """n scans, and what is told of them.
+
+    Attributes
+    ----------
+    number
+        Of the first.
+    ends
+        Of the range of each tested channel, shape (2, tested).
+    odd
+        Where one leaps or stands still, shape (n, tested).
+    usable, z
+        To be filled in: readings, shape (n, channels), and statistics, shape (n, tests).
+    """
+
+    number: int
+    ends: Array
+    odd: Flags
+    usable: Array
+    z: Array
+
+
+class ChannelPlaces(NamedTuple):
+    """Column of a channel, those of its tests, and that of its steps, if any."""
+
+    column: int
+    stuck: int
+    dropout: int
+    step: int | None
+
+
+class ReadingGuards:
+    """Guards of all tested channels, each called only where its readings are unusual.
+
+    ``quanta`` are those of the guards.
+    """
+
+    def __init__(
+        self, limits: Sequence[SensorLimit], period_s: float, quanta: Sequence[float],
+        places: Sequence[ChannelPlaces],
+    ) -> None:  # fmt: skip
+        self._limits, self._places = limits, places
+        self._guards = [
+            ReadingGuard(limit, period_s, quantum)
+            for limit, quantum in zip(limits, quanta, strict=True)
+        ]
+        self._watched: set[int] = set()
+        """Channels in which a jump, a hold or a drop-out is still of effect."""
+        self.stuck = {limit.channel: 0 for limit in limits}
+        """Number of readings of each channel held longer than chance allows."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is still of effect."""
+        return bool(self._watched)
+
+    def interrupt(self) -> None:
+        """Forget the readings, not the drop-outs."""
+        for guard in self._guards:
+            guard.interrupt()
+
+    def step(
+        self, scans: GuardedScans, recent: Array, own: Mapping[int, ReadingTrain], rest: RestWatch
+    ) -> tuple[bool, Flags | None]:
+        """Step through the channels with a jump or a hold, now or until now.
+
+        ``recent``, shape (at least n + 3, tested), ends with these scans; ``own``: readings of
+        channels that lack some. Whether any is withheld, and which of these may be outliers.
+        """
+        count, withheld = len(scans.odd), np.zeros(scans.usable.shape, dtype=bool)
+        outlying = withheld.copy()
+        told = withheld, outlying
+        self._watched.update(np.flatnonzero(scans.odd.any(axis=0)).tolist())
+        for index in sorted(self._watched):
+            known = rest.of(index)
+            rests = [False] * count if known is None else known.tolist()
+            if index in own:
+                self._hold(index, slice(0, next(iter(own[index].places), count)), scans.z)
+                readings, places = own[index].last(3)
+                self._follow(index, readings[:, 0].tolist(), places.tolist(), rests, scans, told)
+            else:
+                readings = recent[-count - 3 :, index]
+                taken = 0 if count == 1 else self._pass(index, readings[2:], known, scans)
+                left = readings[taken:].tolist()
+                self._follow(index, left, range(taken - 3, count), rests, scans, told)
+        self._watched = {index for index in self._watched if self._guards[index].busy}
+        return bool(withheld.any()), outlying if outlying.any() else None
+
+    def _pass(self, index: int, readings: Array, rests: Flags | None, scans: GuardedScans) -> int:
+        """Pass over leading scans of a channel in which nothing happens; how many."""
+        (low, high), now = scans.ends[:, index].tolist(), readings[1:]
+        run = self._guards[index].take_calm(readings, (low < now) & (now < high), rests)
+        if self._limits[index].repeats:
+            scans.z[: len(run), self._places[index].stuck] = run
+        return len(run)
+
+    def _follow(
+        self, index: int, readings: list[float], numbers: Sequence[int], rests: list[bool],
+        scans: GuardedScans, told: tuple[Flags, Flags],
+    ) -> None:  # fmt: skip
+        """Judge the eventful readings of a channel; ``readings`` begins with three earlier ones."""
+        guard, limit, places = self._guards[index], self._limits[index], self._places[index]
+        low, high = scans.ends[:, index].tolist()
+        withheld, outlying = told
+        later = numbers[3:]
+        for n in _eventful(scans.odd[later, index], guard):
+            value, scan = readings[n + 3], later[n]
+            guard.wake(*readings[n : n + 3])
+            at_end, gap = not low < value < high, scan - numbers[n + 2]
+            refused, leapt = guard.take(scans.number + scan, value, at_end, rests[scan], gap)
+            if refused:
+                scans.usable[scan, places.column] = math.nan
+                withheld[scan, places.column] = True
+                # Neither held nor a position's.
+                outlying[scan, places.column] = guard.outlying and not guard.run
+            self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
+            if places.step is not None and guard.disturbed:
+                scans.z[scan, places.step] = leapt / limit.step
+            end = later[n + 1] if n + 1 < len(later) else None
+            self._hold(index, slice(scan, end), scans.z)
+
+    def _hold(self, index: int, scans: slice, z: Array) -> None:
+        """What has been counted stands until the next reading."""
+        guard, places = self._guards[index], self._places[index]
+        if self._limits[index].repeats:
+            z[scans, places.stuck], z[scans, places.dropout] = guard.run, len(guard.events)
+
+
+def _eventful(odd: Flags, guard: ReadingGuard) -> Iterator[int]:
+    """Scans with a jump or a hold, and those while one is still of effect on this guard."""
+    last, scan = len(odd) - 1, -1
+    for begins in (-1, *odd.nonzero()[0].tolist()):
+        if begins > scan:
+            scan = begins
+            yield scan
+        while scan < last and guard.busy:
+            scan += 1
+            yield scan

@@ -21,13 +21,10 @@ comes in between.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core import backend as backends
 from flea_diag.core.flat_state import Flat, counts_of, numbers_of
 from flea_diag.core.sensors.noise_loops import NOISE_LOOPS, Memory, noise_loops
 from flea_diag.core.sensors.position_step import SPAN, middle_of, step_of
@@ -151,9 +148,5 @@ def look_loops(
     return anywhere, lacks, judges, steps_beyond, withheld
 
 
-@cache
-def looks() -> Callable[..., tuple[bool, bool, bool, bool, bool]]:
-    """``look_loops``, compiled."""
-    calls = change_loops, own_loops, step_of, middle_of, held_loops, *NOISE_LOOPS
-    made: Callable[..., tuple[bool, bool, bool, bool, bool]] = backends.exact(look_loops, *calls)
-    return made
+LOOKS = (look_loops, change_loops, own_loops, step_of, middle_of, held_loops, *NOISE_LOOPS)
+"""What ``backend.exact`` takes: the function, and what it calls."""

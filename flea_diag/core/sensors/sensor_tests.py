@@ -21,7 +21,7 @@ one or in blocks, with identical results.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.flat_state import FlatState
 from flea_diag.core.scan_counts import ScanCounts
-from flea_diag.core.sensors.held_reading import HeldReadings, in_a_row
+from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.own_readings import (
     KEPT,
@@ -40,10 +40,15 @@ from flea_diag.core.sensors.own_readings import (
     unusual,
 )
 from flea_diag.core.sensors.position_step import TurnedPosition, position_steps
-from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
+from flea_diag.core.sensors.reading_guard import (
+    ChannelPlaces,
+    GuardedScans,
+    ReadingGuards,
+    stuck_scans,
+)
 from flea_diag.core.sensors.rest_watch import REST_S, RestWatch
 from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit
-from flea_diag.core.sensors.sensor_loops import looks
+from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
 Array = npt.NDArray[np.float64]
@@ -109,12 +114,6 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         still = {**sensors.positions, sensors.speed: sensors.speed_of_a_count(period_s)}
         quanta = [still.get(name, 0.0) for name in self._names]
-        self._guards = [
-            ReadingGuard(limit, period_s, quantum)
-            for limit, quantum in zip(self._limits, quanta, strict=True)
-        ]
-        self._watched: set[int] = set()
-        """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)
         self._recent = np.full((KEPT, len(self._limits)), np.nan)
         unseen = [limit.channel for limit in self._limits if not limit.rested]
@@ -124,8 +123,6 @@ class SensorTests:
         """Last scan in which the actuator ran away, and whether that is still of effect."""
         self.withholds = False
         """Whether any of the last readings is withheld."""
-        self.stuck = dict.fromkeys(self._names, 0)
-        """Number of readings of each channel held longer than chance allows."""
         self._places = {
             test: np.array([names.index(f"{name}_{test}") for name in self._names], dtype=int)
             for test in TESTS
@@ -133,12 +130,14 @@ class SensorTests:
         self._prepare_steps(sensors)
         self._turned = self._turned_by(*turned)
         steps = {index: place for place, index in self._steps}
-        held = zip(*(self._places[test].tolist() for test in TESTS[1:]), strict=True)
-        self._own = [
-            (column, *places, steps.get(index))
-            for index, (column, places) in enumerate(zip(self._columns.tolist(), held, strict=True))
+        held = (self._places[test].tolist() for test in TESTS[1:])
+        places = [
+            ChannelPlaces(column, stuck, dropout, steps.get(index))
+            for index, (column, stuck, dropout) in enumerate(
+                zip(self._columns.tolist(), *held, strict=True)
+            )
         ]
-        """Of each channel its column, those of its tests, and that of its steps, if any."""
+        self._guards = ReadingGuards(self._limits, period_s, quanta, places)
         self.k = self._all_limits(len(names), period_s)
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
         self._held = HeldReadings(limits, channels, sensors, period_s)
@@ -157,6 +156,11 @@ class SensorTests:
             "heard": self._places["noise"], "paired": self._paired, "turned": turned,
         }  # fmt: skip
         return FlatState(numbers, counts)
+
+    @property
+    def stuck(self) -> Mapping[str, int]:
+        """Number of readings of each channel held longer than chance allows."""
+        return self._guards.stuck
 
     @property
     def _bounds(self) -> Array:
@@ -210,8 +214,7 @@ class SensorTests:
         self._rest.interrupt()
         self._readings.interrupt()
         self._held.interrupt()
-        for guard in self._guards:
-            guard.interrupt()
+        self._guards.interrupt()
 
     def step(self, rows: Array) -> SensorTestResults:
         """Test n >= 1 rows, shape (n, channels), one after the other."""
@@ -219,7 +222,7 @@ class SensorTests:
         recent = np.empty((len(self._recent) + count, columns))
         inside, odd = np.empty((count + 3, columns)), np.empty((count, columns), dtype=bool)
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
-        look = looks() if self._compiled else self._look
+        look = backends.exact(*LOOKS) if self._compiled else self._look
         hears = not (self._rushing or self._rest.unseen) and self._noise.takes(count)
         anywhere, lacks, heard, turned, self.withholds = look(
             rows, self._state.flat, (hears, self._noise.memory), self._held.tables, self._recent,
@@ -237,8 +240,10 @@ class SensorTests:
             turned = self._turned is not None
         if turned and self._turned is not None:
             self._turned.stand_beside_speed(recent, z)
-        if anywhere or self._watched:
-            self._watch(recent, own, (odd, usable, z))
+        if anywhere or self._guards.busy:
+            scans = GuardedScans(self._scan, self._bounds[:2], odd, usable, z)
+            withheld, self.outlying = self._guards.step(scans, recent, own, self._rest)
+            self.withholds |= withheld
         if void is not None:
             z[np.ix_(void, self._step_places)] = 0.0
         self.away = void
@@ -330,103 +335,10 @@ class SensorTests:
                 z[trains[group].places[:, None], places] = np.transpose(steps) / sizes
         return bool(odd.any())
 
-    def _watch(
-        self,
-        recent: Array,
-        own: Mapping[int, ReadingTrain],
-        block: tuple[Flags, Array, Array],
-    ) -> None:
-        """Step through the channels with a jump or a hold, now or until now."""
-        odd, _, z = block
-        count = len(odd)
-        self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
-        for index in sorted(self._watched):
-            known = self._rest.of(index)
-            rests = [False] * count if known is None else known.tolist()
-            if index in own:
-                self._hold(index, slice(0, next(iter(own[index].places), count)), z)
-                readings, scans = own[index].last(3)
-                self._follow(index, readings[:, 0].tolist(), scans.tolist(), rests, block)
-            else:
-                readings = recent[-count - 3 :, index]
-                taken = 0 if count == 1 else self._hold_shortly(index, readings, known, z)
-                left = readings[taken:].tolist()
-                self._follow(index, left, range(taken - 3, count), rests, block)
-        self._watched = {index for index in self._watched if self._guards[index].busy}
-
-    def _hold_shortly(self, index: int, readings: Array, rests: Flags | None, z: Array) -> int:
-        """Take the leading scans of a channel, held no longer than chance allows; how many.
-
-        The same as ``_follow`` would: after each of these holds its guard is as it was. One that is
-        not over is left to that, as is what leaps or is missing.
-        """
-        guard, repeats = self._guards[index], self._limits[index].repeats
-        if guard.busy:
-            return 0
-        low, high, reach = self._bounds[:, index].tolist()
-        before, now = readings[2:-1], readings[3:]
-        held = (now == before) & (low < now) & (now < high)
-        run = in_a_row(held if rests is None else held & ~rests, ~held)
-        left = ~(np.abs(now - before) <= reach)
-        if repeats:
-            left |= run >= repeats
-        taken = int(left.argmax()) if left.any() else len(now)
-        over = np.flatnonzero(run[:taken] == 0)
-        taken = int(over[-1]) + 1 if len(over) else 0
-        if (now[:taken] == before[:taken]).any():
-            guard.stand()
-        if repeats:
-            z[:taken, self._own[index][1]] = run[:taken]
-        return taken
-
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
         steps = [position_steps(recent[:, index]) for _, index in self._steps]
         return without_shared(steps) if self._paired else steps
-
-    def _follow(
-        self,
-        index: int,
-        readings: list[float],
-        scans: Sequence[int],
-        rests: list[bool],
-        block: tuple[Flags, Array, Array],
-    ) -> None:
-        """Judge the eventful readings of a channel; ``readings`` begins with three earlier ones."""
-        guard, limit = self._guards[index], self._limits[index]
-        low, high, _ = self._bounds[:, index].tolist()
-        column, _, _, step = self._own[index]
-        odd, usable, z = block
-        places = scans[3:]
-        for n in _eventful(odd[places, index], guard):
-            value, scan = readings[n + 3], places[n]
-            guard.wake(*readings[n : n + 3])
-            at_end = not low < value < high
-            gap = scan - scans[n + 2]
-            withheld, leapt = guard.take(self._scan + scan, value, at_end, rests[scan], gap)
-            if withheld:
-                usable[scan, column], self.withholds = np.nan, True
-                self._may_be_outlier(guard, usable.shape, scan, column)
-            self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
-            if step is not None and guard.disturbed:
-                z[scan, step] = leapt / limit.step
-            self._hold(index, slice(scan, places[n + 1] if n + 1 < len(places) else None), z)
-
-    def _may_be_outlier(
-        self, guard: ReadingGuard, shape: tuple[int, ...], scan: int, column: int
-    ) -> None:
-        """Note a withheld reading that is neither held nor a position's."""
-        if guard.outlying and not guard.run:
-            if self.outlying is None:
-                self.outlying = np.zeros(shape, dtype=bool)
-            self.outlying[scan, column] = True
-
-    def _hold(self, index: int, scans: slice, z: Array) -> None:
-        """What has been counted stands until the next reading."""
-        _, stuck, dropout, _ = self._own[index]
-        if self._limits[index].repeats:
-            guard = self._guards[index]
-            z[scans, stuck], z[scans, dropout] = guard.run, len(guard.events)
 
 
 def without_shared(steps: Sequence[Array]) -> list[Array]:
@@ -436,15 +348,3 @@ def without_shared(steps: Sequence[Array]) -> list[Array]:
     one, other = steps
     alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
     return [step - np.copysign(alike, step) for step in steps]
-
-
-def _eventful(odd: Flags, guard: ReadingGuard) -> Iterator[int]:
-    """Scans with a jump or a hold, and those while one is still of effect on this guard."""
-    last, scan = len(odd) - 1, -1
-    for begins in (-1, *odd.nonzero()[0].tolist()):
-        if begins > scan:
-            scan = begins
-            yield scan
-        while scan < last and guard.busy:
-            scan += 1
-            yield scan

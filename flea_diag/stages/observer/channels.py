@@ -26,7 +26,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
-from flea_diag.core.sensors.channel_loops import glances
+from flea_diag.core.sensors.channel_loops import glance_loops
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.sensors.stale_rows import LEAST_CHANNELS, StaleRows
 from flea_diag.wire.blocks import ScanBlock
@@ -118,7 +118,9 @@ class Channels:
     def _glance(self, values: Array, raw: Array) -> bool:
         """Fill ``raw``; whether every channel is steady, which ends the work for most scans."""
         places, bounds = (self._from, self._to), (self._low, self._high, self._lacking)
-        steady: bool = glances()(values, places, bounds, LEAST_CHANNELS, self._stale.last, raw)
+        steady: bool = backends.exact(glance_loops)(
+            values, places, bounds, LEAST_CHANNELS, self._stale.last, raw
+        )
         return steady
 
     def _leave_out(self, raw: Array, stale: Flags) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.sensors.channel_loops import lasts
+from flea_diag.core.sensors.channel_loops import last_loops
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -46,7 +46,7 @@ class LastReadings:
             held = np.empty_like(rows)
             told = NOTHING if refused is None else refused
             memory = self._last, self._age, self._longest
-            return held if lasts()(rows, told, *memory, held) else rows
+            return held if backends.exact(last_loops)(rows, told, *memory, held) else rows
         missing = np.isnan(rows)
         if (missing == (self._age >= self._longest)).all():
             # Each channel is there throughout, or has long been gone.

@@ -26,7 +26,6 @@ from support.stand_runs import Array, fault, records, scans, vibration
 
 from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.plant.structure import StructureSpread
-from flea_sim_driver.plant.vibration import fast_length
 
 RATE_HZ = 20000.0
 NOMINAL = find_machine("flea").structure
@@ -214,10 +213,3 @@ def test_a_knock_is_as_strong_at_any_rate_that_can_show_it(rate_hz: float) -> No
     assert len(fast) == 4.0 * rate_hz
     peak = np.abs(fast[:, 0]).max()  # the motor's lowest mode, 900 Hz, passes all three
     assert 10.0 < peak < 150.0
-
-
-def test_lengths_of_transforms_are_those_of_scipy() -> None:
-    from scipy.fft import next_fast_len
-
-    for least in (*range(1, 3000), 19_999, 20_000, 20_001, 1_000_003):
-        assert fast_length(least) == next_fast_len(least, real=True)
