@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.choice.fault_group import Group, normalised, outcomes, refine
 from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.core.choice.window_odds import WindowOdds
 
 
 @dataclass(frozen=True)
@@ -122,15 +123,15 @@ def _asked(
 def follow(
     group: Group, chooser: FeatureChooser, answer: Callable[[str], str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Walk from a group to a leaf; ``answer`` gives the symbol of one feature per step.
+    """Walk from a group to a leaf by one window; ``answer`` gives the symbol of a feature.
 
     Returns the remaining group and the features requested. ``?`` (not computable) leaves the
     group unchanged, and the next best feature is requested.
     """
-    left, asked = normalised(group), list[str]()
-    while (feature := chooser.next(left, asked)) is not None:
+    left, odds, asked = normalised(group), WindowOdds(), list[str]()
+    while (feature := chooser.next(odds.unbounded(left, chooser.table), asked)) is not None:
         asked.append(feature)
-        left = refine(left, chooser.table, feature, answer(feature), chooser.rules.drop_below)
+        left = odds.after(left, chooser.table, feature, answer(feature))
     return left, tuple(asked)
 
 

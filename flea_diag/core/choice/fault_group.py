@@ -48,7 +48,7 @@ def refine(
     if symbol == "?":
         return normalised(group)
     place = table.place(symbol)
-    return _after(
+    return without_improbable(
         {fault: p * table.probabilities(fault, feature)[place] for fault, p in group.items()},
         drop_below,
     )
@@ -61,10 +61,10 @@ def refine_side(
     places = {table.place(side), table.place(2 * side)}
     rows = {fault: table.probabilities(fault, feature) for fault in group}
     joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
-    return _after(joint, DROP_BELOW)
+    return without_improbable(joint, DROP_BELOW)
 
 
-def _after(joint: Group, drop_below: float) -> dict[str, float]:
+def without_improbable(joint: Group, drop_below: float = DROP_BELOW) -> dict[str, float]:
     """Posterior of joint probabilities, without those below the limit."""
     posterior = normalised(joint)
     left = {fault: p for fault, p in posterior.items() if p >= drop_below and p > 0.0}
@@ -88,7 +88,7 @@ def outcomes(
         joint = {fault: p * row[place] for fault, p, row in rows}
         total = sum(joint.values())
         if total > rarest:
-            found[symbol] = total, _after(joint, drop_below)
+            found[symbol] = total, without_improbable(joint, drop_below)
     return found
 
 

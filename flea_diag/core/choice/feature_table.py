@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
@@ -36,6 +37,9 @@ from flea_diag.fields.values import FINITE, Share, within
 from flea_diag.formats import migrated
 
 Floats = npt.NDArray[np.float64]
+
+UNAFFECTED = "nominal"
+"""Name in `window_error` of the faults that act on no feature: their windows are nominal."""
 
 ALPHABETS: tuple[tuple[str, ...], ...] = (
     ("0", "1"),
@@ -52,7 +56,10 @@ class FaultFeatureTable:
     ``costs``: relative CPU times (std of one window = 1) of the features that may be requested;
     other features have entries for use with alarms only. ``provenance``: the source of each
     entry. For a fault without a row every symbol is equally likely, so no feature is evidence
-    for or against it.
+    for or against it. ``window_error``: by the fault that is there and another, the share of
+    single windows whose features drop the former for the latter; none where entries are stated,
+    not counted. The odds of a window say no more than that: its features depend on each other, and
+    their product claims to be surer than it is.
     """
 
     title: str
@@ -62,6 +69,7 @@ class FaultFeatureTable:
     provenance: Mapping[tuple[str, str], str] = field(default_factory=dict)
     nominal: NominalRanges = field(default_factory=NominalRanges)
     notes: str = ""
+    window_error: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     @cached_property
     def features(self) -> tuple[str, ...]:
@@ -167,8 +175,9 @@ class FaultFeatureTable:
         costs = {name: row.cost for name, row in known.features.items() if row.asked}
         _check(known.nominal, costs, f"{where}: nominal")
         return cls(
-            known.title or where, alphabet, costs, entries, sources, known.nominal, known.provenance
-        )
+            known.title or where, alphabet, costs, entries, sources, known.nominal,
+            known.provenance, _window_error(known, frozenset(rows), where),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -197,10 +206,25 @@ class _TableFile:
     faults: Mapping[str, Mapping[str, Any]]
     title: str = ""
     provenance: str = ""
+    window_error: Mapping[str, Mapping[str, Share]] = field(default_factory=dict)
     alphabet: tuple[Any, ...] = ("-", "0", "+")
     confidence: Share = 1.0
     unaffected: _Unaffected = field(default_factory=_Unaffected)
     nominal: NominalRanges = field(default_factory=NominalRanges)
+
+
+def _window_error(
+    known: _TableFile, rows: frozenset[str], where: str
+) -> dict[tuple[str, str], float]:
+    """Errors by pairs of faults; what the file says of `UNAFFECTED` holds for each of them."""
+    alike = {fault: (fault,) for fault in rows} | {UNAFFECTED: known.unaffected.faults}
+    _known(known.window_error, frozenset(alike), f"{where}: window_error")
+    found: dict[tuple[str, str], float] = {}
+    for there, row in known.window_error.items():
+        _known(row, frozenset(alike), f"{where}: window_error: {there}")
+        for other, share in row.items():
+            found |= dict.fromkeys(product(alike[there], alike[other]), share)
+    return found
 
 
 def _check(nominal: NominalRanges, costs: Mapping[str, float], where: str) -> None:

@@ -24,9 +24,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.core.choice.window_odds import WindowOdds
 from flea_diag.core.vibration.nominal_range import FAST_RAD_S, MOVING_RAD_S, NEAR_FASTEST
 from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.records import FeatureRequest, FeatureValue
@@ -66,6 +67,7 @@ class FeatureQuery:
     request: FeatureRequest | None = None
     wanted: str | None = None
     computed: tuple[str, ...] = ()
+    odds: WindowOdds = field(default_factory=WindowOdds)
     _tried: tuple[str, ...] = ()
     _answered: bool = False
     _windows: int = 1
@@ -77,12 +79,14 @@ class FeatureQuery:
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
         """Choose the next feature, on this window or on a new one; `wanted` holds it."""
         self._rules = ANY_MOTION if RUBBING.issuperset(group) else FASTEST_FIRST
-        self.wanted = chooser.next(group, self._tried) if len(group) > 1 else None
+        of_this = self.odds.unbounded(group, chooser.table)
+        self.wanted = chooser.next(of_this, self._tried) if len(of_this) > 1 else None
         if self.wanted or not self._answered or self._windows >= self.most_windows:
             return
         self.wanted = chooser.next(group)
         if self.wanted:
             self._tried, self._answered = (), False
+            self.odds.begin()
             self._windows += 1
             self.since_ns, self._end_ns = self._until_ns, None
 
@@ -136,6 +140,7 @@ class FeatureQuery:
         self._answered = True
         if math.isnan(answer.value):
             self._end_ns = None  # next feature on another window: this one may be invalid
+            self.odds.begin()
         elif answer.feature not in self.computed:
             self.computed += (answer.feature,)
         return True

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from flea_diag.core.choice.fault_group import refine
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.motion_window import MotionWindow
@@ -60,7 +59,9 @@ class FeatureRequests:
             return False
         self._merge.hold(None)
         if answer.symbol != "?":
-            left = refine(episode.group(), self._table, answer.feature, answer.symbol)
+            left = episode.query.odds.after(
+                episode.group(), self._table, answer.feature, answer.symbol
+            )
             episode.isolation.update(answer.stamp_ns, answer.feature, answer.symbol, left)
         return True
 

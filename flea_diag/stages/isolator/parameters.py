@@ -63,7 +63,7 @@ class IsolatorParameters:
         1.0, "length of the vibration window of a feature", unit="s", minimum=0.1, maximum=5
     )
     feature_windows: int = parameter(
-        3, "consecutive windows on which features are requested", minimum=1, maximum=100
+        5, "consecutive windows on which features are requested", minimum=1, maximum=100
     )
     feature_patience_s: float = parameter(
         5.0, "time to wait for a window in motion before the group is final", unit="s", minimum=0.0

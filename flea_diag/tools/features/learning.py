@@ -47,6 +47,7 @@ from flea_diag.core.vibration.vibration_monitor import BLOCKS, RAISED, SECTIONS
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.errors import CalibrationError
 from flea_diag.tools.features import bench
+from flea_diag.tools.features.held_out import window_errors
 from flea_diag.tools.features.runs import labelled_runs, stand_of
 from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
@@ -107,8 +108,9 @@ def learn_table(arguments: argparse.Namespace) -> int:
         orders,
     )
     levels = _levels(runs, arguments.hop)
+    errors = window_errors(runs, costs, KEPT, arguments.false_alarm_rate, arguments.most)
     mapping = table_mapping(
-        learned, chosen, answers, costs, levels, _unaffected(learned, stand), making
+        learned, chosen, answers, costs, levels, _unaffected(learned, stand), making, errors
     )
     write_table(arguments.output, mapping, _header(arguments, making, learned))
     words = f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned"

@@ -58,7 +58,7 @@ from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S = 8.0
 DURATION_S = 22.0
-WINDOWS = 3
+WINDOWS = 5
 """Windows in motion available to features alone and to the classifier, as in an episode."""
 
 EVERY_S = 1.0

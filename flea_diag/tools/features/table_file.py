@@ -50,12 +50,14 @@ def table_mapping(
     levels: Mapping[str, Mapping[str, NominalRange]],
     unaffected: Iterable[str],
     making: Making,
+    window_errors: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Any]:
     """Plain values of a learned table with the chosen features and the ends of their ranges.
 
     ``heard``: features that are never requested, with entries for the alarms of the vibration
     monitor; ``levels``: section of the file -> range of each axis; ``unaffected`` faults have the
-    entries of nominal windows.
+    entries of nominal windows. ``window_errors``: see
+    `FaultFeatureTable`.
     """
     columns = {**features, **heard}
     rows: dict[str, Any] = {
@@ -69,6 +71,7 @@ def table_mapping(
     return {
         "title": making.title,
         "provenance": making.provenance,
+        "window_error": {there: _Inline(row) for there, row in window_errors.items()},
         "alphabet": list(SYMBOLS),
         "features": {
             **{feature: {"cost": costs[feature]} for feature in features},

@@ -277,8 +277,8 @@ def test_learn_judge_and_tree_on_a_small_draw(
     assert table.nominal.orders == pytest.approx(bearing_orders(), abs=3e-3)
     assert table.nominal.rate_hz == 20_000.0
     capsys.readouterr()
-    group = "spall,accelerometer_2_fault,accelerometer_1_fault"
-    assert command("judge", str(path), "--seeds", "50:53", *draw, "--group", group) == 0
+    group, windows = "spall,accelerometer_2_fault,accelerometer_1_fault", ["--windows", "3"]
+    assert command("judge", str(path), "--seeds", "50:53", *draw, "--group", group, *windows) == 0
     row = capsys.readouterr().out.splitlines()[-1].split()
     assert (row[0], row[1]) == ("all", "9")
     assert float(row[2]) >= 7 / 9 - 1e-3

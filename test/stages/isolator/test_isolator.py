@@ -422,14 +422,15 @@ def test_features_are_asked_for_anew_on_fresh_windows_and_all_answers_count():
         },
         "test",
     )
-    stage = IsolatorStage(replace(stands.knowledge(), features=noisy), IsolatorParameters())
+    parameters = IsolatorParameters(feature_windows=3)
+    stage = IsolatorStage(replace(stands.knowledge(), features=noisy), parameters)
     waiting, out = [stands.table(extra=AXES), *observed()], []
     while waiting:
         said = list(stage.handle(waiting.pop(0)))
         out += said
         waiting[:0] = [answer(r, "+") for r in stands.of(FeatureRequest, said)]
     requests = stands.of(FeatureRequest, out)
-    assert len(requests) == IsolatorParameters().feature_windows == 3
+    assert len(requests) == parameters.feature_windows
     (detection,) = stands.of(Detection, observed())
     assert requests[0].window_start_ns >= detection.stamp_ns
     for earlier, later in pairwise(requests):
