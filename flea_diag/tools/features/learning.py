@@ -229,6 +229,8 @@ def _header(arguments: argparse.Namespace, making: Making, learned: FeatureStati
         "deviation in motion and at rest, and the kurtosis in motion, so wide that",
         f"{RAISED} of {BLOCKS} in a row lie beyond {LEVEL_ALARMS_PER_HOUR:g} times an hour of",
         "healthy running, of all of them together.",
+        "window_error: share of windows whose features drop the fault that is there for another,",
+        "on the half of the runs that was not learned from.",
     ]
 
 
