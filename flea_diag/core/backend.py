@@ -130,9 +130,10 @@ def _compiled(
 
     # Parts are always inlined. As calls they would be symbols, which a program that has just
     # compiled them may share among functions and one that loads them from disk may not; sums
-    # reordered in different ways differ in their last bits.
+    # reordered in different ways differ in their last bits. Nothing else calls them, so they
+    # need no entry for C, which took a tenth of the time to compile.
     for part in parts:
-        register_jitable(forceinline=True, **options)(part)
+        register_jitable(forceinline=True, no_cfunc_wrapper=True, **options)(part)
     try:
         made = numba.njit(cache=True, **options)(_named(function, parts))
         result: Callable[..., Any] = guard(made)
