@@ -95,14 +95,11 @@ def track_loops(
         # Frozen, it is compared with all, then moved by what drives it alone. One call in a loop:
         # compiled, each call is all of the step once more.
         for turn in range(2 if frozen else 1):
-            driven = turn == 1
-            weights = apart if frozen and not driven else cloud
-            given, beside, said = Y[k], flat, told
-            if driven:
-                given, beside, said = held[k], idle, spare
-            if not step_loops(
-                moved, weights, x, given, u, beside, seed, drawn, table, threshold, said
-            ):
+            y, packed, said = Y[k], flat, told
+            if turn:
+                y, packed, said = held[k], idle, spare
+            weights = apart if frozen and not turn else cloud
+            if not step_loops(moved, weights, x, y, u, packed, seed, drawn, table, threshold, said):
                 return k, 0
         if frozen:
             for c in range(3 * p, at - 2):
