@@ -31,7 +31,7 @@ LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
 MOST_BLOCKS = 64
 """Most blocks to repeat after an event: live, where a block has a few scans, seconds of them."""
-QUIET_SHARE, MOST_REPEATED = 8, 16 * MOST_SCANS
+QUIET_SHARE, MOST_REPEATED = 8, 32_768
 """Scans to repeat after an event: one of so many that were quiet before, and so many at most."""
 
 

@@ -51,5 +51,5 @@ def run_of_alike(
     if channel is None or count < LEAST:
         return []
     log_ns, publish_ns = np.ascontiguousarray(table[:count, TIMES]).view("<u8").T.tolist()
-    data = [raw[at : at + size - DATA] for at in range(begin + DATA, begin + count * size, size)]
+    data = [raw[at + DATA : at + size] for at in range(begin, begin + count * size, size)]
     return list(map(_made, zip(log_ns, publish_ns, repeat(channel), data, strict=False)))
