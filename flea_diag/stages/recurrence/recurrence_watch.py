@@ -187,18 +187,16 @@ class RecurrenceWatch:
         if offsets != self._offsets:
             self._offsets = offsets
             self._rows.forget()
-        places, begun = placed.regressors[ends, placed.regressor_names.index(PLACE)], 0
-        for rows in self._rows.add(windows):
-            far = rows.farthest
-            for number in range(begun, begun + len(far)):
-                found = None
-                if len(self._history) or far[number - begun] > FAR:
-                    stamp_ns, row = int(block.stamps_ns[ends[number]]), rows.one(number - begun)
-                    window = WatchedWindow(stamp_ns, row, jumps[number], float(places[number]))
-                    found = self._window(window, float(far[number - begun]))
-                if found is not None:
-                    yield int(ends[number]) + 1, found
-            begun += len(far)
+        places = placed.regressors[ends, placed.regressor_names.index(PLACE)]
+        rows = self._rows.add(windows)
+        for number, far in enumerate(rows.farthest.tolist()):
+            if not (len(self._history) or far > FAR):
+                continue
+            stamp_ns = int(block.stamps_ns[ends[number]])
+            window = WatchedWindow(stamp_ns, rows.one(number), jumps[number], float(places[number]))
+            found = self._window(window, far)
+            if found is not None:
+                yield int(ends[number]) + 1, found
 
     def _leaps(self, block: ResidualBlock, ends: npt.NDArray[np.int64]) -> Array:
         """By how much each reading jumps in each window at most, shape (windows, readings)."""

@@ -102,13 +102,8 @@ class ScanRate:
             if len(marks) <= stretches:
                 break
             first, last = marks[-1 - stretches], marks[-1]
-            counts = [b - a for a, b in zip(first.missing, last.missing, strict=True)]
-            scans = sum(counts)
-            most = max(range(len(counts)), key=counts.__getitem__)
-            regular = 0 < most < MOST_MISSING and counts[most] >= ALWAYS * scans
-            periods = scans * (most + 1) if regular else sum(
-                count * (missing + 1) for missing, count in enumerate(counts)
-            )  # fmt: skip
+            scans, periods, most = _counted(first, last)
+            regular = most > 0
             beside_ns = last.beside_ns - first.beside_ns
             scatter = (last.squares - first.squares) / scans - (beside_ns / scans) ** 2
             deviation = math.sqrt(max(scatter, 0.0)) / self._period_ns
@@ -158,3 +153,16 @@ class ScanRate:
         beside_ns = np.diff(stamps_ns, prepend=before_ns) - self._period_ns
         far = np.abs(beside_ns) > UNSURE * self._period_ns
         return np.cumsum(beside_ns), np.cumsum(beside_ns * beside_ns), np.cumsum(far)
+
+
+def _counted(first: _Mark, last: _Mark) -> tuple[int, int, int]:
+    """Scans and periods between two marks, and how many are missing before each; 0: not as many."""
+    if first.missing[1:] == last.missing[1:]:  # mostly none is
+        scans = last.missing[0] - first.missing[0]
+        return scans, scans, 0
+    counts = [b - a for a, b in zip(first.missing, last.missing, strict=True)]
+    scans = sum(counts)
+    most = max(range(len(counts)), key=counts.__getitem__)
+    if 0 < most < MOST_MISSING and counts[most] >= ALWAYS * scans:
+        return scans, scans * (most + 1), most
+    return scans, sum(count * (missing + 1) for missing, count in enumerate(counts)), 0
