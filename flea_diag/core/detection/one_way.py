@@ -31,6 +31,9 @@ Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
+FEW = 16
+"""Scans that are taken one by one faster than together."""
+
 
 class OneWay:
     """State of one stream; ``moving_m_s`` is the least speed of a motion."""
@@ -44,7 +47,7 @@ class OneWay:
 
         Both are 0 where it stands against a push, and go on at rest as they were.
         """
-        if len(rows) > 1:
+        if len(rows) > FEW:
             return self._many(rows.moving, rows.motion[rows.moving])
         ways, lasted = [], []  # plain numbers: one scan costs less than one call of numpy
         motion = zip(rows.moving.tolist(), rows.motion.tolist(), strict=True)

@@ -45,6 +45,8 @@ Flags = npt.NDArray[np.bool_]
 
 HOLD_S = 0.1
 """Time after which a position that jumped is accepted at the new level."""
+FEW = 16
+"""Scans that are looked at one by one faster than together."""
 LEAST_HELD = 2
 """Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
 jumps. A reading that does not jump is one after as many repeats as chance allows."""
@@ -257,7 +259,7 @@ class ReadingGuards:
                 self._follow(index, readings[:, 0].tolist(), places.tolist(), rests, scans, told)
             else:
                 readings = recent[-count - 3 :, index]
-                taken = 0 if count == 1 else self._pass(index, readings[2:], known, scans)
+                taken = 0 if count <= FEW else self._pass(index, readings[2:], known, scans)
                 left = readings[taken:].tolist()
                 self._follow(index, left, range(taken - 3, count), rests, scans, told)
         self._watched = {index for index in self._watched if self._guards[index].busy}

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Protocol
 
 import numpy as np
@@ -120,14 +121,17 @@ class RecurrenceWatch:
 
     def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
         self._k, self._drop_nats = knowledge, drop_nats
-        self._waiting: list[Residual] = []
+        self._waiting: list[Residual | ResidualBlock] = []
+        """Scans since the last window: what is made of them is made once the next one is whole."""
+        self._wait = 0
+        """Number of scans that wait."""
         self._last_ns, self._in_window = NEVER_NS, 0
         self.forget()
 
     def forget(self) -> None:
         """A new stream, or another unit: nothing so far counts."""
         self._waiting.clear()
-        self._in_window = 0
+        self._in_window = self._wait = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
         self._jump: Array | None = None
@@ -148,8 +152,8 @@ class RecurrenceWatch:
     def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
         self._begin(record.stamp_ns)
-        self._waiting.append(record)
-        if self._in_window + len(self._waiting) < self._k.scans:
+        self._last_ns = record.stamp_ns
+        if not self._completes(record, 1):
             return None
         return next((found for _, found in self._take(self._flushed(), offsets)), None)
 
@@ -158,32 +162,42 @@ class RecurrenceWatch:
         if not len(block):
             return
         self._begin(int(block.stamps_ns[0]))
-        if self._waiting:
-            for _ in self._take(self._flushed(), offsets):
-                pass  # it completes no window
-        yield from self._take(block, offsets)
+        self._last_ns = int(block.stamps_ns[-1])
+        before = self._wait
+        if not self._completes(block, len(block)):
+            return
+        for taken, found in self._take(self._flushed(), offsets):
+            yield taken - before, found
+
+    def _completes(self, scans: Residual | ResidualBlock, count: int) -> bool:
+        """Let scans wait; whether they complete a window."""
+        self._waiting.append(scans)
+        self._wait += count
+        return self._in_window + self._wait >= self._k.scans
 
     def _flushed(self) -> ResidualBlock:
-        block = block_of(*self._waiting)
+        kinds = groupby(self._waiting, key=type)
+        pieces = [
+            piece
+            for kind, some in kinds
+            for piece in (some if kind is ResidualBlock else (block_of(*some),))
+        ]
         self._waiting.clear()
-        return block
+        self._wait = 0
+        return ResidualBlock.joined(pieces)
 
     def _begin(self, stamp_ns: int) -> None:
         if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:
             self.forget()
-        self._last_ns = stamp_ns
 
     def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
-        """Take scans of one piece."""
+        """Take scans that complete a window."""
         k = self._k
-        self._last_ns = int(block.stamps_ns[-1])
         placed = placed_along(block, k.position)
         end, windows = self._columns.together(placed)
         ends = np.arange(end, len(block), k.scans)
         jumps = self._leaps(block, ends)
         self._in_window = (self._in_window + len(block)) % k.scans
-        if not len(ends):
-            return
         if offsets != self._offsets:
             self._offsets = offsets
             self._rows.forget()
