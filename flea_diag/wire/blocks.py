@@ -94,9 +94,11 @@ class ResidualBlock:
         """Some of these records."""
         if which.indices(len(self)) == (0, len(self), 1):
             return self
-        columns = (getattr(self, name) for name in self.__slots__)
-        some: list[Any] = [c if isinstance(c, tuple) else c[which] for c in columns]
-        return ResidualBlock(*some)
+        return ResidualBlock(
+            self.stamps_ns[which], self.names, self.values[which], self.z[which],
+            self.thresholds[which], self.regressor_names, self.regressors[which], self.estimated,
+            self.estimates[which], self.estimate_sigmas[which], self.health[which],
+        )  # fmt: skip
 
     @staticmethod
     def joined(blocks: Sequence[ResidualBlock]) -> ResidualBlock:

@@ -35,12 +35,16 @@ from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF
 
-TURN = 16
-"""Messages of one turn, at most: some 5 ms."""
+TURN = 64
+"""Messages of one turn, at most: some 5 ms. A stand with more scans waiting than its share takes
+them as one block, each for a fraction of what it costs alone: so a process that is behind catches
+up instead of falling back further."""
 TURN_BYTES = 100_000
 """Bytes after which a turn takes no further message: large ones take longer."""
-MOST_WAITING = 100
-"""Messages of one topic that may wait, where its own queue is not longer."""
+MOST_WAITING = 1000
+"""Messages of one topic that may wait, where its own queue is not longer: 10 s at 100 Hz. Scans
+next to lost ones are judged one by one, so what loses some falls back further; late ones are not.
+"""
 MOST_BYTES = 16_000_000
 """Of one stand that may wait together: 5 s of six axes at 100 kHz."""
 

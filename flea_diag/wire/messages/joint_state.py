@@ -94,8 +94,8 @@ def encode_residuals(block: ResidualBlock) -> Iterator[bytes]:
     )  # fmt: skip
     table[:, end:] = block.health
     for stamp_ns, row in zip(block.stamps_ns.tolist(), table, strict=True):
-        stamp = stamp_bytes(stamp_ns)
-        yield b"".join((ENCAPSULATION, stamp, form.between, row, _NO_VELOCITY_NOR_EFFORT))
+        stamp, numbers = stamp_bytes(stamp_ns), row.tobytes()
+        yield b"".join((ENCAPSULATION, stamp, form.between, numbers, _NO_VELOCITY_NOR_EFFORT))
 
 
 @lru_cache(maxsize=64)
