@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import groupby
 from typing import Protocol
 
 import numpy as np
@@ -121,17 +120,20 @@ class RecurrenceWatch:
 
     def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
         self._k, self._drop_nats = knowledge, drop_nats
-        self._waiting: list[Residual | ResidualBlock] = []
+        self._waiting: list[ResidualBlock] = []
         """Scans since the last window: what is made of them is made once the next one is whole."""
-        self._wait = 0
-        """Number of scans that wait."""
+        self._singly: list[Residual] = []
+        """Those behind them, which came one by one."""
+        self._waits = 0
+        """Number of all that wait."""
         self._last_ns, self._in_window = NEVER_NS, 0
         self.forget()
 
     def forget(self) -> None:
         """A new stream, or another unit: nothing so far counts."""
         self._waiting.clear()
-        self._in_window = self._wait = 0
+        self._singly.clear()
+        self._in_window = self._waits = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
         self._jump: Array | None = None
@@ -153,7 +155,8 @@ class RecurrenceWatch:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
         self._begin(record.stamp_ns)
         self._last_ns = record.stamp_ns
-        if not self._completes(record, 1):
+        self._singly.append(record)
+        if not self._completes(1):
             return None
         return next((found for _, found in self._take(self._flushed(), offsets)), None)
 
@@ -163,28 +166,32 @@ class RecurrenceWatch:
             return
         self._begin(int(block.stamps_ns[0]))
         self._last_ns = int(block.stamps_ns[-1])
-        before = self._wait
-        if not self._completes(block, len(block)):
+        before = self._waits
+        self._gather()
+        self._waiting.append(block)
+        if not self._completes(len(block)):
             return
         for taken, found in self._take(self._flushed(), offsets):
             yield taken - before, found
 
-    def _completes(self, scans: Residual | ResidualBlock, count: int) -> bool:
-        """Let scans wait; whether they complete a window."""
-        self._waiting.append(scans)
-        self._wait += count
-        return self._in_window + self._wait >= self._k.scans
+    def _completes(self, count: int) -> bool:
+        """Whether a window is whole with so many scans more."""
+        self._waits += count
+        return self._in_window + self._waits >= self._k.scans
+
+    def _gather(self) -> None:
+        """Of scans that came one by one, make a block."""
+        if self._singly:
+            self._waiting.append(block_of(*self._singly))
+            self._singly.clear()
 
     def _flushed(self) -> ResidualBlock:
-        kinds = groupby(self._waiting, key=type)
-        pieces = [
-            piece
-            for kind, some in kinds
-            for piece in (some if kind is ResidualBlock else (block_of(*some),))
-        ]
+        """All that waits."""
+        self._gather()
+        block = ResidualBlock.joined(self._waiting)
         self._waiting.clear()
-        self._wait = 0
-        return ResidualBlock.joined(pieces)
+        self._waits = 0
+        return block
 
     def _begin(self, stamp_ns: int) -> None:
         if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:

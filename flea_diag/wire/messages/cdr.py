@@ -188,6 +188,17 @@ class CdrReader:
 
     def text(self) -> str:
         """One string."""
+        start = self._position + (-self._position & 3) + 4
+        if start <= len(self._body):  # a sound one, in as few steps as there are
+            end = start + _U32.unpack_from(self._body, start - 4)[0]
+            raw = self._body[start:end].tobytes()
+            if end <= len(self._body) and raw.find(0) == end - start - 1 and raw.isascii():
+                self._position = end
+                return raw[:-1].decode("ascii")
+        return self._any_text()
+
+    def _any_text(self) -> str:
+        """The same of any bytes: other letters, or what is wrong with them."""
         length = self.u32()
         if length == 0:
             return ""
