@@ -25,14 +25,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.residuals.residual_rows import ResidualRows
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-
-FEW = 16
-"""Scans that are taken one by one faster than together."""
 
 
 class OneWay:

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.flag_runs import in_a_row
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.own_readings import ReadingTrain
@@ -45,8 +46,6 @@ Flags = npt.NDArray[np.bool_]
 
 HOLD_S = 0.1
 """Time after which a position that jumped is accepted at the new level."""
-FEW = 16
-"""Scans that are looked at one by one faster than together."""
 LEAST_HELD = 2
 """Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
 jumps. A reading that does not jump is one after as many repeats as chance allows."""

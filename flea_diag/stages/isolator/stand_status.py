@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -61,8 +62,6 @@ GAP_NS = 1_000_000_000
 """After a gap this long an earlier divergence is not counted on."""
 EARLY_NS = 8_000_000_000
 """A deviation this soon after the start of the stream counts as present since the start."""
-FEW = 16
-"""Scans that are taken one by one faster than together."""
 SEEN_MOVING_S = 0.5
 """Time in motion before motor and screw are observable."""
 
