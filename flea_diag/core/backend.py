@@ -34,6 +34,10 @@ NO_JIT = "NUMBA_DISABLE_JIT"
 BACKENDS = ("auto", "numpy", "numba")
 
 
+FEW = 16
+"""Scans that plain numbers take faster, one by one, than arrays of them together."""
+
+
 def chosen(backend: str) -> str:
     """Backend for a name; "auto" is numba where installed and told to compile, else numpy.
 

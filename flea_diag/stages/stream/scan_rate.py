@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -121,9 +122,13 @@ class ScanRate:
 
         ``before_ns`` is the stamp of the scan before them.
         """
-        marks, count = self._marks.copy(), len(stamps_ns)
+        count = len(stamps_ns)
+        ends = self._ends(count)
+        if not ends:
+            return count
+        marks = self._marks.copy()
         beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
-        for at in range(-self._scans % EVERY or EVERY, count + 1, EVERY):
+        for at in ends:
             missing = (self._missing[0] + at, *self._missing[1:])
             sums = self._beside_ns + int(beside_ns[at - 1]), self._squares + int(squares[at - 1])
             marks.append(_Mark(missing, *sums, self._unsure + int(unsure[at - 1])))
@@ -134,9 +139,13 @@ class ScanRate:
     def follow(self, before_ns: int, stamps_ns: Stamps) -> None:
         """Take scans of which none is lost and none changes what is said."""
         count, missing = len(stamps_ns), self._missing[0]
+        ends = self._ends(count)
+        if not ends:
+            for before, stamp in pairwise((before_ns, *stamps_ns.tolist())):
+                self.step(stamp - before, 0)
+            return
         sums = self._beside_ns, self._squares, self._unsure
         beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
-        ends = [*range(-self._scans % EVERY or EVERY, count + 1, EVERY)]
         for at in dict.fromkeys((*ends, count)):
             self._missing[0] = missing + at
             self._beside_ns = sums[0] + int(beside_ns[at - 1])
@@ -144,9 +153,12 @@ class ScanRate:
             self._unsure = sums[2] + int(unsure[at - 1])
             if at in ends:
                 self._marks.append(self._mark())
-        if ends:
-            self.off_hz = self._judged(self._marks)
+        self.off_hz = self._judged(self._marks)
         self._scans += count
+
+    def _ends(self, count: int) -> range:
+        """After how many of so many scans the rate is looked at."""
+        return range(-self._scans % EVERY or EVERY, count + 1, EVERY)
 
     def _sums(self, before_ns: int, stamps_ns: Stamps) -> tuple[Stamps, Stamps, Stamps]:
         """Sums up to each scan: what it is beside the grid, the squares, and scans far beside."""
