@@ -18,9 +18,12 @@ A process of its own publishes prepared scans at 100 Hz to each stand, and on re
 of two accelerometers of three axes at 20 kHz; its load is stated apart. A third one, this, hears
 residuals and verdicts. One stand in eight jams half way. Latency is from the stamp of a scan, the
 time at which it is due, to the arrival of its residual; of a verdict from that of its evidence.
+With ``--heard`` residuals of so many stands are heard, as where a page shows one of them; scans of
+the others count as lost unless their stand says that it has taken them.
 
     scripts/bench fleet                                  1 to 32 stands, 30 s each
     python bench/bench_fleet.py --seconds 600 --stands 32 --batch-ms 50 --processes 2
+    python bench/bench_fleet.py --seconds 60 --stands 100 --batch-ms 100 --processes 2 --heard 1
     python bench/bench_fleet.py --seconds 60 --stands 8 --vibration --processes 2
 """
 
@@ -32,7 +35,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,6 +59,7 @@ from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Health
 
 LATEST_MS = 200.0
+READ_S = 0.2
 
 
 @dataclass
@@ -69,8 +73,8 @@ class Heard:
     told: dict[str, dict[str, str]] = field(default_factory=dict)
     stamps: dict[str, bytes] = field(default_factory=dict)
 
-    def join(self, me: Any, count: int) -> None:
-        """Subscribe to residuals, verdicts and health."""
+    def join(self, me: Any, count: int, listened: int) -> None:
+        """Subscribe to residuals of the first ``listened`` stands, verdicts of all, and health."""
         from diagnostic_msgs.msg import DiagnosticArray
         from sensor_msgs.msg import JointState
 
@@ -80,7 +84,7 @@ class Heard:
             self.told[record.node] = dict(record.values)
 
         me.create_subscription(DiagnosticArray, "/diagnostics", health, 1000, raw=True)
-        for name in names(count):
+        for number, name in enumerate(names(count)):
 
             def residual(data: bytes, name: str = name) -> None:
                 self.residuals[name] += 1
@@ -92,17 +96,25 @@ class Heard:
                     self.stamps[name] = stamp
                     self.verdicts_ms.append(age_ms(data))
 
-            me.create_subscription(JointState, f"/{name}/residual", residual, 1000, raw=True)
+            if number < listened:
+                me.create_subscription(JointState, f"/{name}/residual", residual, 1000, raw=True)
             group = f"/{name}/ambiguity_group"
             me.create_subscription(DiagnosticArray, group, verdict, 100, raw=True)
 
-    def counted(self, counter: str) -> int:
-        """Sum of a counter over all nodes."""
-        return sum(int(values.get(counter, 0)) for values in self.told.values())
+    def counted(self, counter: str, stands: Sequence[str] | None = None) -> int:
+        """Sum of a counter over all nodes, or over the diagnosers of these stands."""
+        nodes = self.told if stands is None else [f"{stand}/diagnoser" for stand in stands]
+        return sum(int(self.told.get(node, {}).get(counter, 0)) for node in nodes)
+
+    def lost(self, count: int, scans: int, listened: int) -> int:
+        """Scans without a residual; of stands that are not heard, those that none has taken."""
+        rest, topic = names(count)[listened:], "sensors/slow"
+        taken = self.counted(f"{topic}/received", rest) - self.counted(f"{topic}/lost", rest)
+        return count * scans - sum(self.residuals.values()) - taken
 
 
 @contextmanager
-def listener(domain: int, heard: Heard, count: int) -> Iterator[Callable[..., None]]:
+def listener(domain: int, heard: Heard, count: int, listened: int) -> Iterator[Callable[..., None]]:
     """Join the domain; yields a function that listens until a predicate holds."""
     import rclpy
     from rclpy.experimental import EventsExecutor
@@ -111,7 +123,7 @@ def listener(domain: int, heard: Heard, count: int) -> Iterator[Callable[..., No
     context = rclpy.Context()
     context.init(domain_id=domain)
     me = rclpy.create_node("listener", context=context)
-    heard.join(me, count)
+    heard.join(me, count, listened)
     executor = EventsExecutor(context=context)
     executor.add_node(me)
 
@@ -155,6 +167,7 @@ class FleetLoad:
 def measured(count: int, folder: Path, asked: argparse.Namespace) -> FleetLoad:
     """Run a fleet of so many stands, spread over processes as asked."""
     seconds, processes = asked.seconds, min(asked.processes, count)
+    listened = count if asked.heard is None else min(asked.heard, count)
     parts = [names(count)[k::processes] for k in range(processes)]
     given = ("-p", f"batch_ms:={asked.batch_ms}", "-p", "memory:=none")
     scans = round(seconds / PERIOD_S)
@@ -166,7 +179,7 @@ def measured(count: int, folder: Path, asked: argparse.Namespace) -> FleetLoad:
             for k, part in enumerate(parts)
         ]  # fmt: skip
         heard = Heard()
-        until = stack.enter_context(listener(domain, heard, count))
+        until = stack.enter_context(listener(domain, heard, count, listened))
         ready = {f"fleet_{k}": f"{len(part)} of {len(part)}" for k, part in enumerate(parts)}
         until(lambda: all(heard.running.get(n, "").startswith(w) for n, w in ready.items()), 120.0)
         command = [sys.executable, __file__, "--generate", str(count), "--folder", str(folder)]
@@ -177,13 +190,16 @@ def measured(count: int, folder: Path, asked: argparse.Namespace) -> FleetLoad:
         pids = [fleet.child.pid for fleet in fleets]
         began = sum(map(cpu_s, pids)), cpu_s(generator.child.pid)
         ends = time.monotonic() + seconds + 2.0
-        until(lambda: time.monotonic() > ends, seconds + 3.0)
+        while time.monotonic() < ends:
+            until(lambda: False, READ_S)
+            for fleet in fleets:
+                fleet.read()  # who logs into a full pipe stands still
         spent = sum(map(cpu_s, pids)) - began[0], cpu_s(generator.child.pid) - began[1]
         memory = sum(map(resident_mb, pids))
     late = np.asarray(heard.latencies_ms or [np.nan])
     return FleetLoad(
         count,
-        count * scans - sum(heard.residuals.values()),
+        heard.lost(count, scans, listened),
         spent[0] / (count * scans),
         100.0 * spent[1] / seconds,
         memory,
@@ -200,6 +216,8 @@ def figures(runs: list[FleetLoad], asked: argparse.Namespace) -> list[Figure]:
     """The rows to keep."""
     seconds, processes = asked.seconds, asked.processes
     told = f"batch_ms {asked.batch_ms}, {processes} process{'es' if processes > 1 else ''}"
+    if asked.heard is not None:
+        told += f", residuals of {asked.heard} heard"
     if asked.vibration:
         told += ", two accelerometers of 20 kHz"
     rows = []
@@ -232,6 +250,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--batch-ms", type=int, default=50)
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--heard", type=int, help="stands whose residuals are heard; default all")
     parser.add_argument("--vibration", action="store_true", help="two accelerometers of 20 kHz")
     parser.add_argument("--generate", type=int, help="be the load generator of so many stands")
     parser.add_argument("--folder", type=Path, help="recordings to publish; made if missing")

@@ -36,7 +36,7 @@ ARGUMENTS = (
     ("host", "", str, "whose line of that file is started; empty: this machine's name"),
     ("namespace", "", str, "namespace of the fleet, before those of its stands"),
     ("processes", "1", int, "processes that share the stands, at most as many as cores"),
-    ("batch_ms", "0", int, "time for which scans are collected: 20 to 50 for many stands [ms]"),
+    ("batch_ms", "0", int, "time for which scans are collected: 20 to 100 for many stands [ms]"),
     ("console", "true", bool, "print the verdicts in this terminal"),
 )
 

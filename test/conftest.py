@@ -173,6 +173,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 COLD, READS_FIRST, READ_LIMIT_S = "NOTHING_IS_COMPILED", "gw0", 180.0
+COMPILING = "compiling"
+"""File beside what is generated, locked while somebody compiles: two would compile the same."""
 FEW = 20
 """Files of tests that may have been read before all others are: ``scripts/check`` reads one."""
 
@@ -189,7 +191,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         more = {"FLEA_CACHE_DIR": str(kept.mkdir("flea_diag")), "PYTHONPATH": str(ROOT)}
         command = [sys.executable, "-m", "flea_diag.tools.main", "warm-up"]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        compiling = subprocess.Popen(command, env={**os.environ, **more}, **quiet)
+        with (kept.mkdir("flea_diag") / COMPILING).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # which the child holds until it ends
+            compiling = subprocess.Popen(
+                command, env={**os.environ, **more}, pass_fds=[lock.fileno()], **quiet
+            )
         session.config.add_cleanup(compiling.wait)
 
 
@@ -247,17 +253,19 @@ def newcomer(
 
 
 @pytest.fixture(scope="session")
-def compiled(newcomer: None, tmp_path_factory: pytest.TempPathFactory) -> None:
+def compiled(newcomer: None) -> None:
     """What numba compiles is on the disk before a process is started that is waited for.
 
     It takes half a minute of a processor where there is nothing yet, and with other processes
-    beside it longer than any test waits. One worker compiles, the others load what it has made.
+    beside it longer than any test waits. One process compiles, the others load what it has made.
     """
     from flea_diag.configuration.component import DIAGNOSER
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.stand import SimulatedStand
 
-    with (_of_all_workers(tmp_path_factory) / "compiling").open("w") as lock:
+    kept = Path(os.environ["FLEA_CACHE_DIR"])
+    kept.mkdir(exist_ok=True)
+    with (kept / COMPILING).open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         DIAGNOSER.warm_up(DIAGNOSER.parameters())
         stand = SimulatedStand(find_scenario("nominal"))

@@ -66,7 +66,7 @@ class Batch:
     batch_ms: int = parameter(
         0,
         "time for which scans are collected and then judged at once: same decisions for less CPU, "
-        "later by up to this; 0: each on arrival; 20 to 50 for many stands on one machine",
+        "later by up to this; 0: each on arrival; 20 to 100 for many stands on one machine",
         unit="ms",
         minimum=0,
         maximum=100,

@@ -34,6 +34,10 @@ NO_JIT = "NUMBA_DISABLE_JIT"
 BACKENDS = ("auto", "numpy", "numba")
 
 
+FEW = 16
+"""Scans that plain numbers take faster, one by one, than arrays of them together."""
+
+
 def chosen(backend: str) -> str:
     """Backend for a name; "auto" is numba where installed and told to compile, else numpy.
 
@@ -130,9 +134,10 @@ def _compiled(
 
     # Parts are always inlined. As calls they would be symbols, which a program that has just
     # compiled them may share among functions and one that loads them from disk may not; sums
-    # reordered in different ways differ in their last bits.
+    # reordered in different ways differ in their last bits. Nothing else calls them, so they
+    # need no entry for C, which took a tenth of the time to compile.
     for part in parts:
-        register_jitable(forceinline=True, **options)(part)
+        register_jitable(forceinline=True, no_cfunc_wrapper=True, **options)(part)
     try:
         made = numba.njit(cache=True, **options)(_named(function, parts))
         result: Callable[..., Any] = guard(made)

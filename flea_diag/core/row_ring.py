@@ -73,11 +73,15 @@ class RowRing:
 
 
 def place_loops(store: Any, end: npt.NDArray[np.int64], size: int) -> int:
-    """``RowRing.place`` of one row, for compiled loops; its place in the store."""
+    """``RowRing.place`` of one row, for compiled loops; its place in the store.
+
+    Number by number: into an assignment of a row numba compiles the words of an error of shapes.
+    """
     at: int = end[0]
     if at == len(store):
         for k in range(size):
-            store[k] = store[at - size + k]
+            for c in range(store.shape[1]):
+                store[k, c] = store[at - size + k, c]
         at = size
     end[0] = at + 1
     return at

@@ -37,6 +37,7 @@ from flea_diag.core.frozen import Frozen
 T = TypeVar("T")
 Memo = dict[int, Any]
 """Identity of an object -> its copy, as ``deepcopy`` has it."""
+Copier = Callable[[Any, Memo], Any]
 
 SHARED = frozenset(
     {NoneType, bool, int, float, complex, str, bytes, slice, FunctionType, MappingProxyType}
@@ -51,14 +52,26 @@ def state_copy(state: T) -> T:
 
 
 def _copied(value: Any, memo: Memo) -> Any:
-    kind = type(value)
-    if kind in SHARED or issubclass(kind, (Frozen, Enum)):
+    kind: Any = type(value)
+    copier = _copier(kind)
+    if copier is None:
         return value
     if (found := memo.get(id(value))) is not None:
         return found
-    made = _COPIERS.get(kind, _other)(value, memo)
-    memo[id(value)] = made
+    made = memo[id(value)] = copier(value, memo)
     return made
+
+
+@cache
+def _copier(kind: type) -> Copier | None:
+    """What copies objects of a type; None where copies share them."""
+    if kind in SHARED or issubclass(kind, (Frozen, Enum)):
+        return None
+    if kind in _COPIERS:
+        return _COPIERS[kind]
+    if hasattr(kind, "_fields"):
+        return _tuple
+    return _plain if _is_plain(kind) else deepcopy
 
 
 def _parts(values: Any, memo: Memo) -> list[Any]:
@@ -94,20 +107,15 @@ def _array(value: Any, _: Memo) -> Any:
     return value.copy() if value.dtype != object else deepcopy(value)
 
 
-def _other(value: Any, memo: Memo) -> Any:
-    """An object of ours by its attributes; anything else by ``deepcopy``."""
+def _plain(value: Any, memo: Memo) -> Any:
+    """An object of ours by its attributes."""
     kind: Any = type(value)
-    if hasattr(kind, "_fields"):
-        return _tuple(value, memo)
-    if not _is_plain(kind):
-        return deepcopy(value, memo)
     made = memo[id(value)] = kind.__new__(kind)
     held = value.__dict__
     made.__dict__.update(zip(held, _parts(held.values(), memo), strict=True))
     return made
 
 
-@cache
 def _is_plain(kind: type) -> bool:
     """Whether its objects are nothing but attributes, made and copied in no way of their own."""
     usual = ("__new__", "__reduce_ex__", "__reduce__", "__getstate__")
@@ -117,7 +125,7 @@ def _is_plain(kind: type) -> bool:
     return written_in_python and not own
 
 
-_COPIERS: dict[type, Callable[[Any, Memo], Any]] = {
+_COPIERS: dict[type, Copier] = {
     dict: _dict,
     list: _parts,
     tuple: _tuple,

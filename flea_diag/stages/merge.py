@@ -79,7 +79,14 @@ class Merge:
             self._others += 1
 
     def push_block(self, block: ResidualBlock) -> None:
-        """Take in clock records in order, none of them older than what has been released."""
+        """Take in clock records in order, none of them older than what has been released.
+
+        A block that still waits goes on in this one, of the same stream: what is left of the last
+        one would have a turn of its own.
+        """
+        if len(self._waiting) == 1 and isinstance(before := self._waiting[0][-1], ResidualBlock):
+            self._waiting.clear()
+            block = ResidualBlock.joined((before, block))
         self._wait_again(block)
         self.now_ns = int(block.stamps_ns[-1])
 

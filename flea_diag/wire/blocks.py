@@ -53,6 +53,8 @@ class ScanBlock:
 
     def part(self, which: slice) -> ScanBlock:
         """Some of these scans."""
+        if which.indices(len(self)) == (0, len(self), 1):
+            return self
         return ScanBlock(self.stamps_ns[which], self.channels, self.values[which])
 
     @staticmethod
@@ -90,9 +92,13 @@ class ResidualBlock:
 
     def part(self, which: slice) -> ResidualBlock:
         """Some of these records."""
-        columns = (getattr(self, name) for name in self.__slots__)
-        some: list[Any] = [c if isinstance(c, tuple) else c[which] for c in columns]
-        return ResidualBlock(*some)
+        if which.indices(len(self)) == (0, len(self), 1):
+            return self
+        return ResidualBlock(
+            self.stamps_ns[which], self.names, self.values[which], self.z[which],
+            self.thresholds[which], self.regressor_names, self.regressors[which], self.estimated,
+            self.estimates[which], self.estimate_sigmas[which], self.health[which],
+        )  # fmt: skip
 
     @staticmethod
     def joined(blocks: Sequence[ResidualBlock]) -> ResidualBlock:

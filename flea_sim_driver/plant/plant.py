@@ -272,8 +272,8 @@ def integrator() -> Callable[..., None]:
         from numba.extending import register_jitable
     except ImportError:
         return _integrate
-    for part in PARTS:
-        register_jitable(forceinline=True)(part)
+    for part in PARTS:  # nothing but the integrator calls them: no entry for C
+        register_jitable(forceinline=True, no_cfunc_wrapper=True)(part)
     compiled: Callable[..., None]
     try:
         compiled = numba.njit(cache=True)(_integrate)

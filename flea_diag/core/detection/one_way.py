@@ -25,6 +25,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.residuals.residual_rows import ResidualRows
 
 Array = npt.NDArray[np.float64]
@@ -44,7 +45,7 @@ class OneWay:
 
         Both are 0 where it stands against a push, and go on at rest as they were.
         """
-        if len(rows) > 1:
+        if len(rows) > FEW:
             return self._many(rows.moving, rows.motion[rows.moving])
         ways, lasted = [], []  # plain numbers: one scan costs less than one call of numpy
         motion = zip(rows.moving.tolist(), rows.motion.tolist(), strict=True)

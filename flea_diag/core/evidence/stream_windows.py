@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.run_law.run_windows import (
     FORMED,
@@ -150,6 +151,7 @@ class LawWindowMeans:
         self._place, self._travel = place[PLACE], travel
         self._acting = acting[:, : len(formed)]
         self._period_s, self._scans = period_s, scans
+        self._compiled = backends.chosen("auto") == "numba"
         self._before: Array | None = None
         self._heat = 0.0
         self._begun: list[LawScans] = []
@@ -195,7 +197,7 @@ class LawWindowMeans:
 
     def _warmed(self, current: Array) -> Array:
         """Losses up to each scan."""
-        heat = losses(current[:, self._rows[0]], self._heat, self._period_s)
+        heat = losses(current[:, self._rows[0]], self._heat, self._period_s, self._compiled)
         self._heat = float(heat[-1]) if len(heat) else self._heat
         return heat
 

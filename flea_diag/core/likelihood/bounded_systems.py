@@ -29,6 +29,7 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.fault_models import FaultModel, Size
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 RANK = 1e-12
 """Eigenvalues below this share of the largest one count as zero."""
@@ -59,7 +60,8 @@ class BoundedSystems:
         A, scale = self._scaled
         free = _least(A, self.b / scale) / scale
         x: Array = free[list(self.places)]
-        held: dict[tuple[object, ...], Array] = {}
+        held: dict[tuple[object, ...], _Held] = {}
+        using: list[tuple[int, _Held]] = []
         for k, values in enumerate(x[:, : self.count].tolist()):
             sizes, own = _sizes(self.models[k]), self.places[k]
             outside = _outside(sizes, values)
@@ -68,27 +70,32 @@ class BoundedSystems:
             # Models that differ in their roughness alone share their bounds.
             key = own, *((size.low, size.high) for size in sizes)
             if key not in held:
-                held[key] = self._held(own, sizes, x[k], outside)
-            x[k] = held[key]
+                held[key] = _Held(own, sizes, x[k].copy(), np.ones(x.shape[1], bool), outside)
+            using.append((k, held[key]))
+        self._hold(list(held.values()))
+        for k, each in using:
+            x[k] = each.x
         return x
 
-    def _held(
-        self, own: int, sizes: Sequence[Size], x: Array, outside: tuple[int, float] | None
-    ) -> Array:
-        """``x`` with sizes held to their bounds, beginning with the one that is ``outside``."""
-        A, b, (scaled_A, scale) = self.A[own], self.b[own], self._scaled
-        x, free = x.copy(), np.ones(len(b), dtype=bool)
-        for _ in sizes:
-            if outside is None:
-                break
-            index, bound = outside
-            free[index], x[index] = False, bound
-            rows = free.nonzero()[0]
-            by = scale[own, rows]
-            left = (b - A @ np.where(free, 0.0, x))[rows] / by
-            x[rows] = _least(scaled_A[own][rows[:, None], rows], left) / by
-            outside = _outside(sizes, x[: len(sizes)].tolist(), free)
-        return x
+    def _hold(self, held: list[_Held]) -> None:
+        """Hold sizes to their bounds, one of each model at a time, until none is outside."""
+        while held := [each for each in held if each.outside is not None]:
+            for each in held:
+                index, bound = each.outside or (0, 0.0)
+                each.free[index], each.x[index] = False, bound
+            # As many are free in all, for each round holds one more.
+            which = np.array([each.own for each in held])
+            free, x = np.array([each.free for each in held]), np.array([each.x for each in held])
+            rows = free.nonzero()[1].reshape(len(held), -1)
+            model, (scaled_A, scale) = np.arange(len(held))[:, None], self._scaled
+            by = scale[which[:, None], rows]
+            given = np.matmul(self.A[which], np.where(free, 0.0, x)[..., None])[..., 0]
+            left = (self.b[which] - given)[model, rows] / by
+            part = scaled_A[which[:, None, None], rows[..., None], rows[:, None]]
+            x[model, rows] = _least(part, left) / by
+            for each, own in zip(held, x, strict=True):
+                each.x = own
+                each.outside = _outside(each.sizes, own[: len(each.sizes)].tolist(), each.free)
 
     def errors(self, which: Sequence[int]) -> Array:
         """Standard errors of the sizes of these models, shape (len(which), count)."""
@@ -116,9 +123,43 @@ class BoundedSystems:
 
     def misfit(self, k: int, square: float) -> float:
         """Smallest sum of squares of one model; ``square`` is that without unknowns."""
-        own = self.places[k]
-        x, A, b = self.solutions[k], self.A[own], self.b[own]
-        return float(square - 2.0 * b @ x + x @ A @ x)
+        less, more = self._explained
+        return float(square - less[k] + more[k])
+
+    @cached_property
+    def _explained(self) -> tuple[list[float], list[float]]:
+        """2 b' x and x' A x of each model."""
+        x, own = self.solutions, list(self.places)
+        row, column = x[:, None], x[..., None]
+        every = (
+            np.matmul(2.0 * self.b[own][:, None], column),
+            np.matmul(np.matmul(row, self.A[own]), column),
+        )
+        less, more = (each[:, 0, 0].tolist() for each in every)
+        return less, more
+
+
+@dataclass(eq=False)
+class _Held:
+    """Unknowns of one system while sizes are held to bounds.
+
+    Attributes
+    ----------
+    own
+        Number of the system.
+    sizes
+        With their bounds.
+    x, free
+        Unknowns so far, and which of them are not held, both of shape (n,).
+    outside
+        The first free size outside its bounds, and the bound; None: there is none.
+    """
+
+    own: int
+    sizes: Sequence[Size]
+    x: Array
+    free: Flags
+    outside: tuple[int, float] | None
 
 
 def scaled(A: Array) -> tuple[Array, Array]:
@@ -145,7 +186,7 @@ def _least(A: Array, b: Array) -> Array:
 
 
 def _outside(
-    sizes: Sequence[Size], x: Sequence[float], free: npt.NDArray[np.bool_] | None = None
+    sizes: Sequence[Size], x: Sequence[float], free: Flags | None = None
 ) -> tuple[int, float] | None:
     """The first free size outside its bounds, and the bound at which to hold it."""
     for index, size in enumerate(sizes):

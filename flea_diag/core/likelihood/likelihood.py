@@ -92,9 +92,9 @@ class NormalEquations:
         phi = np.where(np.isnan(phi), 0.0, phi)  # in a quarter of the time of ``nan_to_num``
         sums = self.sums
         shared: dict[bytes, tuple[Array, Array, Array]] = {}
-        for index, known in enumerate(np.isfinite(values).T):
-            if not known.any():
-                continue
+        every = np.isfinite(values).T
+        for index in np.flatnonzero(every.any(axis=1)).tolist():
+            known = every[index]
             # Residuals that have a value in the same scans share what the signals add.
             key = known.tobytes()
             if key not in shared:

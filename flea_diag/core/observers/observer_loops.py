@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,9 +40,27 @@ Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-COLUMNS = ReadingColumns((), (), -1, ())
-ABSENT, DRIVING, LAYOUT = (), (), (0, 0, 0)
-"""In place of those of a stand: see ``observe_of``."""
+class Places(NamedTuple):
+    """``ReadingColumns``, and of each channel of motion whether it is absent and drives.
+
+    Values, not constants: all stands of one description share what is compiled.
+    """
+
+    motion: Counts
+    inputs: Counts
+    command: int
+    degc: Counts
+    absent: Flags
+    driving: Flags
+
+    @classmethod
+    def of(cls, columns: ReadingColumns, absent: Flags, driving: Flags) -> Places:
+        """Of one stand."""
+        motion, inputs, degc = (
+            np.array(each, dtype=np.int64)
+            for each in (columns.motion, columns.inputs, columns.degc)
+        )
+        return cls(motion, inputs, columns.command, degc, absent, driving)
 
 
 def sane_loops(row: Array, column: int) -> float:
@@ -54,28 +72,30 @@ def sane_loops(row: Array, column: int) -> float:
 
 
 def read_loops(
-    rows: Array, command: tuple[float, float], scans: tuple[Array, Array, Array, Array],
-    measured: Counts,
+    rows: Array, places: Places, command: tuple[float, float],
+    scans: tuple[Array, Array, Array, Array], measured: Counts,
 ) -> None:  # fmt: skip
     """Scan after scan into ``scans``, and how many channels of motion each has measured."""
     u, y, held, degc = scans
     for i in range(len(rows)):
         measured[i] = 0
-        for k in range(len(COLUMNS.motion)):
-            y[i, k] = math.nan if ABSENT[k] else sane_loops(rows[i], COLUMNS.motion[k])
-            held[i, k] = y[i, k] if DRIVING[k] else math.nan
+        for k in range(len(places.motion)):
+            y[i, k] = math.nan if places.absent[k] else sane_loops(rows[i], places.motion[k])
+            held[i, k] = y[i, k] if places.driving[k] else math.nan
             measured[i] += not math.isnan(y[i, k])
-        for k in range(len(COLUMNS.inputs)):
-            u[i, k] = sane_loops(rows[i], COLUMNS.inputs[k])
+        for k in range(len(places.inputs)):
+            u[i, k] = sane_loops(rows[i], places.inputs[k])
         if math.isnan(u[i, 0]):
-            u[i, 0] = command[0] + command[1] * sane_loops(rows[i], COLUMNS.command)
-        for k in range(len(COLUMNS.degc)):
-            degc[i, k] = sane_loops(rows[i], COLUMNS.degc[k])
+            u[i, 0] = command[0] + command[1] * sane_loops(rows[i], places.command)
+        for k in range(len(places.degc)):
+            degc[i, k] = sane_loops(rows[i], places.degc[k])
 
 
-def join_loops(raw: Array, measured: Counts, table: Array, order: Counts) -> None:
+def join_loops(
+    raw: Array, measured: Counts, layout: tuple[int, int], table: Array, order: Counts
+) -> None:
     """Rows of innovations from raw rows; what is in heated stores counts as measured, too."""
-    motion, predicted, _ = LAYOUT
+    motion, predicted = layout
     for i in range(len(raw)):
         for k in range(len(order)):
             table[i, k] = raw[i, order[k]]
@@ -89,31 +109,33 @@ def join_loops(raw: Array, measured: Counts, table: Array, order: Counts) -> Non
 
 
 def observe_loops(
-    rows: Array, command: tuple[float, float], swarm: tuple[Array, Array],
-    pattern: tuple[Flags, Array, Array], bits: tuple[Array, Indices], table: Array,
-    threshold: float, motion: tuple[bool, MotionCoefficients, Any],
+    rows: Array, given: tuple[Places, tuple[float, float], tuple[int, int, int]],
+    swarm: tuple[Array, Array], pattern: tuple[Flags, Array, Array], bits: tuple[Array, Indices],
+    table: Array, threshold: float, motion: tuple[bool, MotionCoefficients, Any],
     heat: tuple[Array, tuple[int, float, float]], watch: tuple[float, float, float, bool],
     frozen: bool, begun: bool, last: Array, told: tuple[Array, Counts, Flags, Counts],
 ) -> tuple[int, int, float]:  # fmt: skip
     """Scans until one needs what is not compiled: see ``track_loops``, which these are handed to.
 
-    Nothing predicts the readings that a filter has ``begun`` with. ``watch`` is a
-    ``ConsistencyMonitor`` and whether the track is lost; ``last`` the row of the last innovation.
-    ``told`` is to be filled: rows of ``Innovations``, channels measured, where the track is lost;
-    then the order of these rows.
+    ``given`` is how rows are read, with the command, and how many channels of motion are predicted,
+    how many in all, and numbers of a raw row. Nothing predicts the readings that a filter has
+    ``begun`` with. ``watch`` is a ``ConsistencyMonitor`` and whether the track is lost; ``last``
+    the row of the last innovation. ``told`` is to be filled: rows of ``Innovations``, channels
+    measured, where the track is lost; then the order of these rows.
 
     Returns
     -------
     How many scans were taken, with what the last of them ended it, and the monitor's level.
     """
     innovations, measured, lost, order = told
-    count, p = len(bits[0]), len(COLUMNS.motion)
-    inputs, y = np.empty((count, len(COLUMNS.inputs))), np.empty((count, p))
-    held, degc = np.empty((count, p)), np.empty((count, len(COLUMNS.degc)))
-    read_loops(rows[:count], command, (inputs, y, held, degc), measured)
+    places, command, (moving, predicted, numbers) = given
+    count, p = len(bits[0]), len(places.motion)
+    inputs, y = np.empty((count, len(places.inputs))), np.empty((count, p))
+    held, degc = np.empty((count, p)), np.empty((count, len(places.degc)))
+    read_loops(rows[:count], places, command, (inputs, y, held, degc), measured)
     if begun:
         y[0], held[0] = math.nan, math.nan
-    raw = np.empty((count, LAYOUT[2]))
+    raw = np.empty((count, numbers))
     done, end = track_loops(
         swarm[0], swarm[1], (inputs, y, held, degc), pattern, bits, table, threshold, motion, heat,
         frozen, begun, raw,
@@ -126,24 +148,18 @@ def observe_loops(
             each = raw[i, nis] / measured[i]
             level += share * ((each if each < 10.0 * limit else 10.0 * limit) - level)
         lost[i] = diverged if frozen else level > limit
-    join_loops(raw[:done], measured, innovations, order)
+    join_loops(raw[:done], measured, (moving, predicted), innovations, order)
     for k in range(len(last) if done else 0):
         last[k] = raw[done - 1, k]
     return done, end, level
 
 
 @lru_cache(maxsize=8)
-def observe_of(
-    equations: DrivenEquations, columns: ReadingColumns, absent: tuple[bool, ...],
-    driving: tuple[bool, ...], layout: tuple[int, int, int],
-) -> Callable[..., tuple[int, int, float]]:  # fmt: skip
-    """``observe_loops`` of one stand, compiled."""
-    read = backends.bound(read_loops, COLUMNS=columns, ABSENT=absent, DRIVING=driving)
-    join = backends.bound(join_loops, LAYOUT=layout)
+def observe_of(equations: DrivenEquations) -> Callable[..., tuple[int, int, float]]:
+    """``observe_loops`` of one description, compiled."""
     track, parts = track_of(equations)
-    calls = {"read_loops": read, "track_loops": track, "join_loops": join}
-    loop = backends.bound(observe_loops, COLUMNS=columns, LAYOUT=layout, **calls)
+    loop = backends.bound(observe_loops, track_loops=track)
     made: Callable[..., tuple[int, int, float]] = backends.compiled(
-        loop, read, sane_loops, track, join, *parts
+        loop, read_loops, sane_loops, track, join_loops, *parts
     )
     return made

@@ -212,7 +212,7 @@ class ParticleFilter:
         observe: Callable[..., tuple[int, int, float]],
         rows: Array,
         read: Callable[[Array], tuple[Array, Array, Array]],
-        model: tuple[tuple[float, float], tuple[Any, ...], tuple[Any, ...]],
+        model: tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]],
         frozen: bool,
         begun: bool,
         told: tuple[Array, Counts, Flags, Counts],
@@ -228,7 +228,7 @@ class ParticleFilter:
         How many scans were taken, at least one, and what ended it; see ``track_loops``.
         """
         bits = self._bits.ahead(1 if begun else len(rows))
-        command, motion, heat = model
+        given, motion, heat = model
         done, end, monitor = 0, 0, self._consistency
         while not done:
             if self._tracked is None:
@@ -238,7 +238,7 @@ class ParticleFilter:
                 self._tracked = self._prepared(begun, u, y, held)
             done, end, monitor.level = observe(
                 rows,
-                command,
+                given,
                 (self._x, self._cloud),
                 self._tracked,
                 bits,

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +39,7 @@ from flea_diag.core.observers.observer_block import (
     Scans,
     row_layout,
 )
-from flea_diag.core.observers.observer_loops import observe_of
+from flea_diag.core.observers.observer_loops import Places, observe_of
 from flea_diag.core.observers.observer_noise import ObserverNoise, reading_key
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
@@ -180,14 +179,8 @@ class StateObserver:
         self._extent = NOISES * described if math.isnan(ends) else ends
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
-        self._which = self._compiled_for()
+        self._places = Places.of(self._columns, self._model.absent, self._model.driving)
         self._filter: Filter | None = None
-
-    def _compiled_for(self) -> tuple[Any, ...]:
-        """What ``observe_of`` takes."""
-        model, at = self._model, self._layout
-        flags = tuple(model.absent.tolist()), tuple(model.driving.tolist())
-        return model.equations, self._columns, *flags, (at.motion, at.predicted, at.raw)
 
     @property
     def mean(self) -> Array:
@@ -247,9 +240,10 @@ class StateObserver:
         motion = model.pwm, model.coefficients, model.record
         heat = self._stores, (self._winding, model.winding_degc, WARMED_K)
         told = found.table, found.measured, found.diverged, at.order
-        given = model.command, motion, heat
+        numbers = at.motion, at.predicted, at.raw
+        given = (self._places, model.command, numbers), motion, heat
         done, end = particles.track(
-            observe_of(*self._which), rows, self._pattern, given, frozen, begun, told
+            observe_of(model.equations), rows, self._pattern, given, frozen, begun, told
         )
         self._end(end)
         return done

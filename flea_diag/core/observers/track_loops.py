@@ -92,12 +92,16 @@ def track_loops(
         else:
             motion_step(x, u, pwm, coefficients, parameters, moved)
         put_loops(apart.reshape(-1), cloud.reshape(-1))
-        weights = apart if frozen else cloud
-        if not step_loops(moved, weights, x, Y[k], u, flat, seed, drawn, table, threshold, told):
-            return k, 0
+        # Frozen, it is compared with all, then moved by what drives it alone. One call in a loop:
+        # compiled, each call is all of the step once more.
+        for turn in range(2 if frozen else 1):
+            y, packed, said = Y[k], flat, told
+            if turn:
+                y, packed, said = held[k], idle, spare
+            weights = apart if frozen and not turn else cloud
+            if not step_loops(moved, weights, x, y, u, packed, seed, drawn, table, threshold, said):
+                return k, 0
         if frozen:
-            # Compared with all, moved by what drives it alone.
-            step_loops(moved, cloud, x, held[k], u, idle, seed, drawn, table, threshold, spare)
             for c in range(3 * p, at - 2):
                 told[c] = spare[c]
         flows = supplies(parameters[0], (told[3 * p], told[3 * p + 1], degc))

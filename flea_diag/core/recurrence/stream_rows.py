@@ -21,7 +21,7 @@ and goes is not learned.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -116,10 +116,6 @@ class _Standing(NamedTuple):
     sigma: Array
     known: Flags
 
-    def part(self, which: slice) -> _Standing:
-        """Of some windows."""
-        return _Standing(self.rows[which], self.sigma[which], self.known[which])
-
 
 class StreamRows:
     """Makes the rows of one stream.
@@ -145,14 +141,17 @@ class StreamRows:
         self._quiet: list[Array] = []
         self._solve()
 
-    def add(self, windows: LawWindow) -> Iterator[WindowRows]:
-        """Take windows; the rows of all of them, those that one solution holds for together."""
-        begun, every, first = 0, self._standing(windows), self._number
-        self._number += len(every.rows)
-        while begun < len(every.rows):
+    def add(self, windows: LawWindow) -> WindowRows:
+        """Take windows; their rows."""
+        every, first, begun = self._standing(windows), self._number, 0
+        errors, scatter = np.empty_like(every.sigma), np.empty_like(every.sigma)
+        self._number += len(errors)
+        while begun < len(errors):
+            # As far as one solution holds.
             which = slice(begun, begun + SOLVED_EVERY - len(self._quiet))
+            errors[which], scatter[which] = self._predicted(every.rows[which])
             begun = which.stop
-            yield self._rows(windows.part(which), first + which.start, every.part(which))
+        return self._rows(windows, first, every, errors, scatter)
 
     def _standing(self, windows: LawWindow) -> _Standing:
         h, known = self._h, np.isfinite(windows.values) & self._fast
@@ -162,16 +161,10 @@ class StreamRows:
         rows[~known] = 0.0
         return _Standing(rows, sigma, known)
 
-    def _rows(self, window: LawWindow, first: int, standing: _Standing) -> WindowRows:
-        (rows, sigma, known), covariance = standing, self._covariance
-        scatter = predicted_sigma(rows, covariance)
+    def _predicted(self, rows: Array) -> tuple[Array, Array]:
+        """Errors of prediction, and standard deviations of it; learns of what is quiet."""
+        scatter = predicted_sigma(rows, self._covariance)
         errors = left_beside(rows, self._eta) / scatter
-        predicted = np.where(known, sigma * scatter, np.inf)
-        # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
-        both = known[:, :, None] & known[:, None]
-        shared = self._h.noise.shared * np.square(exact_share(errors)[..., 0])[:, None]
-        scale = sigma[:, None] / sigma[:, :, None]
-        apart = self._one - np.where(both, shared * scale, 0.0)
         quiet = np.abs(errors).max(axis=1) <= NEAR
         self._quiet.extend((rows * weight_of(errors) / self._alike)[quiet])
         if len(self._quiet) == SOLVED_EVERY:
@@ -179,6 +172,19 @@ class StreamRows:
             self._sums = self._fade * self._sums + told.T @ told
             self._quiet = []
             self._solve()
+        return errors, scatter
+
+    def _rows(
+        self, window: LawWindow, first: int, standing: _Standing, errors: Array, scatter: Array
+    ) -> WindowRows:
+        """Rows of windows with these errors."""
+        sigma, known = standing.sigma, standing.known
+        predicted = np.where(known, sigma * scatter, np.inf)
+        # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
+        both = known[:, :, None] & known[:, None]
+        shared = self._h.noise.shared * np.square(exact_share(errors)[..., 0])[:, None]
+        scale = sigma[:, None] / sigma[:, :, None]
+        apart = self._one - np.where(both, shared * scale, 0.0)
         own = (apart @ errors[..., None])[..., 0]
         return WindowRows(own, window, first, errors, predicted, apart)
 

@@ -24,6 +24,7 @@ from itertools import accumulate
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -171,15 +172,26 @@ def along(places: Array, travel: tuple[float, ...]) -> Array:
     return np.nan_to_num(np.clip((2.0 * places - low - high) / (high - low), -1.0, 1.0))
 
 
-def losses(current: Array, before: float, period_s: float) -> Array:
+def losses(current: Array, before: float, period_s: float, compiled: bool = False) -> Array:
     """Integral of the squared current, fading by ``HEATING_S``, A^2 s, shape (n,).
 
-    ``before``: up to the first scan. Added one by one: the same bits whatever the blocks.
+    ``before``: up to the first scan. Added one by one: the same bits whatever the blocks, and
+    whether ``compiled`` by numba.
     """
     kept = math.exp(-period_s / HEATING_S)
-    squares = (np.square(np.nan_to_num(current)) * period_s).tolist()
-    every = accumulate(squares, lambda heat, square: kept * heat + square, initial=before)
+    heat: Array = np.square(np.nan_to_num(current)) * period_s
+    if compiled:
+        backends.exact(fading_loops)(heat, kept, before)
+        return heat
+    every = accumulate(heat.tolist(), lambda sum_, more: kept * sum_ + more, initial=before)
     return np.array(list(every)[1:])
+
+
+def fading_loops(sums: Array, kept: float, before: float) -> None:
+    """Numbers, shape (n,), into their sums up to each, of which so much is kept to the next."""
+    for k in range(len(sums)):
+        before = kept * before + sums[k]
+        sums[k] = before
 
 
 def left_out(

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.flag_runs import in_a_row
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.own_readings import ReadingTrain
@@ -257,7 +258,7 @@ class ReadingGuards:
                 self._follow(index, readings[:, 0].tolist(), places.tolist(), rests, scans, told)
             else:
                 readings = recent[-count - 3 :, index]
-                taken = 0 if count == 1 else self._pass(index, readings[2:], known, scans)
+                taken = 0 if count <= FEW else self._pass(index, readings[2:], known, scans)
                 left = readings[taken:].tolist()
                 self._follow(index, left, range(taken - 3, count), rests, scans, told)
         self._watched = {index for index in self._watched if self._guards[index].busy}

@@ -32,7 +32,7 @@ from flea_diag.nodes.stage.stream_stamps import STREAMS, StreamStamps
 from flea_diag.nodes.stage.verdict_memory import VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.wire.blocks import ScanBlock, singly
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, DataQuality, Health, Record
 
@@ -119,7 +119,7 @@ class Adapter:
             return False
         if not self._stamps.goes_on(block.stamps_ns.tolist()):
             return False
-        self._output.publish(tuple(singly(self._stage.handle_block(block))))
+        self._output.publish(self._stage.handle_block(block))
         return True
 
     def _is_of_another(self, table: ChannelTable) -> bool:

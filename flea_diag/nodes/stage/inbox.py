@@ -35,12 +35,15 @@ from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF
 
-TURN = 16
-"""Messages of one turn, at most: some 5 ms."""
+TURN = 64
+"""Messages of one turn, at most: some 5 ms. A stand with more scans waiting than its share takes
+them as one block, each for a fraction of what it costs alone: so a process that is behind catches
+up instead of falling back further."""
 TURN_BYTES = 100_000
 """Bytes after which a turn takes no further message: large ones take longer."""
-MOST_WAITING = 100
-"""Messages of one topic that may wait, where its own queue is not longer."""
+MOST_WAITING = 300
+"""Messages of one topic that may wait, where its own queue is not longer: 3 s at 100 Hz. When many
+stands begin or jam at once, the last of them waits for a second or two."""
 MOST_BYTES = 16_000_000
 """Of one stand that may wait together: 5 s of six axes at 100 kHz."""
 
@@ -92,9 +95,10 @@ class Turns:
 class Inbox:
     """What has arrived for one stage, in order of arrival, undecoded.
 
-    A topic whose messages wait in full number loses those that come then, and so does a stand whose
-    messages are too large for what it may have waiting; both are counted. What waits is given back
-    with each turn.
+    A topic whose messages wait in full number loses all of them: one long gap, where single scans
+    lost time and again would have all others judged one by one, and what is judged is of now. A
+    stand whose messages are too large for what it may have waiting loses those that come then. Both
+    are counted. What waits is given back with each turn.
 
     Parameters
     ----------
@@ -130,10 +134,17 @@ class Inbox:
         self._bus.subscribe_raw(record_type, partial(self._put, record_type))
 
     def _put(self, record_type: type, data: bytes) -> None:
-        full = self._full(record_type, len(data))
-        if full:
-            self._bus.streams[record_type].lost += 1
-            self._bus.warn(f"{TOPIC_OF[record_type].name}: {full}")
+        stream, topic = self._bus.streams[record_type], TOPIC_OF[record_type]
+        if self._counts[record_type] >= (most := max(MOST_WAITING, topic.depth)):
+            stream.lost += self._drop(record_type)
+            self._bus.warn(f"{topic.name}: {most} messages waited and are lost: sent too fast")
+        if self._bytes + len(data) > MOST_BYTES:
+            stream.lost += 1
+            self._bus.warn(
+                f"{topic.name}: a message of {len(data) / MEGABYTE:.1f} MB is lost: with it more "
+                f"than the {MOST_BYTES / MEGABYTE:.0f} MB of this stand would wait; send smaller "
+                "ones, or fewer"
+            )
             return
         self._counts[record_type] += 1
         self._bytes += len(data)
@@ -142,17 +153,16 @@ class Inbox:
             self._asked = True
             self._turns.ask(self)
 
-    def _full(self, record_type: type, size: int) -> str:
-        """Why a message of this size finds no place; empty: it does."""
-        most = max(MOST_WAITING, TOPIC_OF[record_type].depth)
-        if self._counts[record_type] >= most:
-            return f"{most} messages wait, more are lost: sent too fast"
-        if self._bytes + size <= MOST_BYTES:
-            return ""
-        return (
-            f"a message of {size / MEGABYTE:.1f} MB is lost: with it more than the "
-            f"{MOST_BYTES / MEGABYTE:.0f} MB of this stand would wait; send smaller ones, or fewer"
-        )
+    def _drop(self, record_type: type) -> int:
+        """Let go of all that waits of a topic; how many they are."""
+        kept = [each for each in self._waiting if each[0] is not record_type]
+        dropped = len(self._waiting) - len(kept)
+        self._clear()
+        for kind, data in kept:
+            self._counts[kind] += 1
+            self._bytes += len(data)
+        self._waiting.extend(kept)
+        return dropped
 
     def turn(self) -> bool:
         """Handle what came first; whether more waits."""

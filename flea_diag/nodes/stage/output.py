@@ -25,6 +25,7 @@ from flea_diag.nodes.stage.malformed import with_malformed
 from flea_diag.nodes.stage.record_log import RecordLog
 from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored, serial_of
 from flea_diag.nodes.stage.verdict import NumberedVerdict
+from flea_diag.wire.blocks import Block, ResidualBlock
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -76,9 +77,12 @@ class StageOutput:
         """Note the serial of the actuator that the statuses are on."""
         self._serial = serial_of(table)
 
-    def publish(self, records: tuple[Record, ...]) -> None:
+    def publish(self, records: tuple[Record | Block, ...]) -> None:
         """Publish what the stage has just said."""
         for record in records:
+            if isinstance(record, ResidualBlock):
+                self._bus.publish_block(record)
+                continue
             if isinstance(record, NUMBERS):
                 self._bus.publish(record)
                 continue

@@ -178,7 +178,7 @@ class IsolatorStage:
         out: list[Record] = []
         while (record := self._merge.pop(everything, self._takes_blocks)) is not None:
             kind = type(record)
-            if kind is not Residual:
+            if kind is not Residual and kind is not ResidualBlock:
                 self._scans.turn()
             out.extend(self._take[kind](record))
         return tuple(out)

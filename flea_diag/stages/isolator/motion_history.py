@@ -77,15 +77,13 @@ class MotionHistory:
     def follow(self, block: ResidualBlock) -> None:
         """Take many scans, of which only the last are kept."""
         moving = block.regressors[:, MOVING] > 0.5
-        visited = block.regressors[moving][
-            -self._most_visited :, [self._current, self._direction]
-        ].tolist()
-        self._visited.extend((current, direction) for current, direction in visited)
+        visited = block.regressors[:, [self._current, self._direction]][moving]
+        self._visited.extend(map(tuple, visited[-self._most_visited :].tolist()))
         recent = int((block.stamps_ns > block.stamps_ns[-1] - self.window.history_ns).sum())
-        last = block.part(slice(-max(recent, SCANS), None))
-        speeds = [self._screw_rad_s(speed) for speed in last.regressors[:, SPEED].tolist()]
-        loads_n = last.regressors[:, self._load].tolist()
-        self.window.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
+        last = slice(-max(recent, SCANS), None)
+        speeds = [self._screw_rad_s(speed) for speed in block.regressors[last, SPEED].tolist()]
+        loads_n = block.regressors[last, self._load].tolist()
+        self.window.extend(zip(block.stamps_ns[last].tolist(), speeds, loads_n, strict=True))
         for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
             self._monitor.motion(screw_rad_s, load_n)
 

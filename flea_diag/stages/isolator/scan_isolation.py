@@ -114,7 +114,6 @@ class ScanIsolation:
 
     def _scans(self, block: ResidualBlock) -> Records:
         """What many scans cause by themselves."""
-        self.turn()
         if not len(block):
             return ()
         moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
@@ -125,7 +124,7 @@ class ScanIsolation:
         if episode is None:
             self._method.learn(block)
             for row in turns:
-                out.extend(self._output.say(int(block.stamps_ns[row])))
+                out.extend(self._quiet(int(block.stamps_ns[row])))
             return tuple(out)
         for _ in turns:
             pass  # the outcome of an episode does not depend on it

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.backend import FEW
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -231,6 +232,12 @@ class StandStatus:
 
         The state is that of the scan yielded, and finally that of the last scan.
         """
+        if len(stamps_ns) <= FEW:
+            scans = zip(stamps_ns.tolist(), moving.tolist(), lost.tolist(), strict=True)
+            for row, scan in enumerate(scans):
+                self.step(*scan)
+                yield row
+            return
         self._begin(int(stamps_ns[0]))
         self.last_ns = int(stamps_ns[-1])
         moved = self.moved + np.cumsum(moving)

@@ -31,17 +31,21 @@ LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
 MOST_BLOCKS = 64
 """Most blocks to repeat after an event: live, where a block has a few scans, seconds of them."""
+QUIET_SHARE, MOST_REPEATED = 8, 32_768
+"""Scans to repeat after an event: one of so many that were quiet before, and so many at most."""
 
 
 @dataclass
 class Checkpoint:
     """State to which the observer can go back, and the quiet blocks since then.
 
-    Copying the state costs as much as some tens of scans, and blocks between vibration are short:
-    a copy is made now and then, and the blocks since then are repeated.
+    Copying the state costs as much as some hundred scans, and blocks between vibration are short:
+    a copy is made now and then, and the blocks since then are repeated. ``most``: how many scans
+    may be; the longer it was quiet, the more, for an event is then as rare.
     """
 
     chain: ObserverChain
+    most: int = MOST_SCANS
     blocks: list[ScanBlock] = field(default_factory=list)
     scans: int = 0
 
@@ -53,7 +57,7 @@ class Checkpoint:
     @property
     def is_old(self) -> bool:
         """Whether a new copy costs less than repeating what has come since this one."""
-        return self.scans >= MOST_SCANS or len(self.blocks) >= MOST_BLOCKS
+        return self.scans >= self.most or len(self.blocks) >= MOST_BLOCKS
 
     def restored(self) -> ObserverChain:
         """The state after the last quiet block, repeated in as few blocks as the chain takes."""
@@ -71,6 +75,8 @@ class BlockReplay:
 
     def __init__(self) -> None:
         self._most = LEAST_SCANS
+        self._quiet = 0
+        """Scans since the last event."""
         self._checkpoint: Checkpoint | None = None
 
     def forget(self) -> None:
@@ -90,14 +96,16 @@ class BlockReplay:
         if count < min(LEAST_SCANS, len(block)):
             return chain, 0, None
         if self._checkpoint is None or self._checkpoint.is_old:
-            self._checkpoint = Checkpoint(state_copy(chain))
+            most = max(MOST_SCANS, min(self._quiet // QUIET_SHARE, MOST_REPEATED))
+            self._checkpoint = Checkpoint(state_copy(chain), most)
         part = block.part(slice(count))
         quiet, output = chain.follow(part)
         if quiet == count:
             self._most = min(2 * self._most, MOST_SCANS)
+            self._quiet += quiet
             self._checkpoint.take(part)
             return chain, quiet, output
-        self._most = LEAST_SCANS
+        self._most, self._quiet = LEAST_SCANS, 0
         checkpoint, self._checkpoint = self._checkpoint, None
         # A condition that begins in a block voids its relations in all of it: without the scans
         # from there on an earlier event may show.

@@ -120,14 +120,20 @@ class RecurrenceWatch:
 
     def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
         self._k, self._drop_nats = knowledge, drop_nats
-        self._waiting: list[Residual] = []
+        self._waiting: list[ResidualBlock] = []
+        """Scans since the last window: what is made of them is made once the next one is whole."""
+        self._singly: list[Residual] = []
+        """Those behind them, which came one by one."""
+        self._waits = 0
+        """Number of all that wait."""
         self._last_ns, self._in_window = NEVER_NS, 0
         self.forget()
 
     def forget(self) -> None:
         """A new stream, or another unit: nothing so far counts."""
         self._waiting.clear()
-        self._in_window = 0
+        self._singly.clear()
+        self._in_window = self._waits = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
         self._jump: Array | None = None
@@ -148,8 +154,9 @@ class RecurrenceWatch:
     def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
         self._begin(record.stamp_ns)
-        self._waiting.append(record)
-        if self._in_window + len(self._waiting) < self._k.scans:
+        self._last_ns = record.stamp_ns
+        self._singly.append(record)
+        if not self._completes(1):
             return None
         return next((found for _, found in self._take(self._flushed(), offsets)), None)
 
@@ -158,47 +165,59 @@ class RecurrenceWatch:
         if not len(block):
             return
         self._begin(int(block.stamps_ns[0]))
-        if self._waiting:
-            for _ in self._take(self._flushed(), offsets):
-                pass  # it completes no window
-        yield from self._take(block, offsets)
+        self._last_ns = int(block.stamps_ns[-1])
+        before = self._waits
+        self._gather()
+        self._waiting.append(block)
+        if not self._completes(len(block)):
+            return
+        for taken, found in self._take(self._flushed(), offsets):
+            yield taken - before, found
+
+    def _completes(self, count: int) -> bool:
+        """Whether a window is whole with so many scans more."""
+        self._waits += count
+        return self._in_window + self._waits >= self._k.scans
+
+    def _gather(self) -> None:
+        """Of scans that came one by one, make a block."""
+        if self._singly:
+            self._waiting.append(block_of(*self._singly))
+            self._singly.clear()
 
     def _flushed(self) -> ResidualBlock:
-        block = block_of(*self._waiting)
+        """All that waits."""
+        self._gather()
+        block = ResidualBlock.joined(self._waiting)
         self._waiting.clear()
+        self._waits = 0
         return block
 
     def _begin(self, stamp_ns: int) -> None:
         if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:
             self.forget()
-        self._last_ns = stamp_ns
 
     def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
-        """Take scans of one piece."""
+        """Take scans that complete a window."""
         k = self._k
-        self._last_ns = int(block.stamps_ns[-1])
         placed = placed_along(block, k.position)
         end, windows = self._columns.together(placed)
         ends = np.arange(end, len(block), k.scans)
         jumps = self._leaps(block, ends)
         self._in_window = (self._in_window + len(block)) % k.scans
-        if not len(ends):
-            return
         if offsets != self._offsets:
             self._offsets = offsets
             self._rows.forget()
-        places, begun = placed.regressors[ends, placed.regressor_names.index(PLACE)], 0
-        for rows in self._rows.add(windows):
-            far = rows.farthest
-            for number in range(begun, begun + len(far)):
-                found = None
-                if len(self._history) or far[number - begun] > FAR:
-                    stamp_ns, row = int(block.stamps_ns[ends[number]]), rows.one(number - begun)
-                    window = WatchedWindow(stamp_ns, row, jumps[number], float(places[number]))
-                    found = self._window(window, float(far[number - begun]))
-                if found is not None:
-                    yield int(ends[number]) + 1, found
-            begun += len(far)
+        places = placed.regressors[ends, placed.regressor_names.index(PLACE)]
+        rows = self._rows.add(windows)
+        for number, far in enumerate(rows.farthest.tolist()):
+            if not (len(self._history) or far > FAR):
+                continue
+            stamp_ns = int(block.stamps_ns[ends[number]])
+            window = WatchedWindow(stamp_ns, rows.one(number), jumps[number], float(places[number]))
+            found = self._window(window, far)
+            if found is not None:
+                yield int(ends[number]) + 1, found
 
     def _leaps(self, block: ResidualBlock, ends: npt.NDArray[np.int64]) -> Array:
         """By how much each reading jumps in each window at most, shape (windows, readings)."""

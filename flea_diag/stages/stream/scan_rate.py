@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -102,13 +103,8 @@ class ScanRate:
             if len(marks) <= stretches:
                 break
             first, last = marks[-1 - stretches], marks[-1]
-            counts = [b - a for a, b in zip(first.missing, last.missing, strict=True)]
-            scans = sum(counts)
-            most = max(range(len(counts)), key=counts.__getitem__)
-            regular = 0 < most < MOST_MISSING and counts[most] >= ALWAYS * scans
-            periods = scans * (most + 1) if regular else sum(
-                count * (missing + 1) for missing, count in enumerate(counts)
-            )  # fmt: skip
+            scans, periods, most = _counted(first, last)
+            regular = most > 0
             beside_ns = last.beside_ns - first.beside_ns
             scatter = (last.squares - first.squares) / scans - (beside_ns / scans) ** 2
             deviation = math.sqrt(max(scatter, 0.0)) / self._period_ns
@@ -126,9 +122,13 @@ class ScanRate:
 
         ``before_ns`` is the stamp of the scan before them.
         """
-        marks, count = self._marks.copy(), len(stamps_ns)
+        count = len(stamps_ns)
+        ends = self._ends(count)
+        if not ends:
+            return count
+        marks = self._marks.copy()
         beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
-        for at in range(-self._scans % EVERY or EVERY, count + 1, EVERY):
+        for at in ends:
             missing = (self._missing[0] + at, *self._missing[1:])
             sums = self._beside_ns + int(beside_ns[at - 1]), self._squares + int(squares[at - 1])
             marks.append(_Mark(missing, *sums, self._unsure + int(unsure[at - 1])))
@@ -139,9 +139,13 @@ class ScanRate:
     def follow(self, before_ns: int, stamps_ns: Stamps) -> None:
         """Take scans of which none is lost and none changes what is said."""
         count, missing = len(stamps_ns), self._missing[0]
+        ends = self._ends(count)
+        if not ends:
+            for before, stamp in pairwise((before_ns, *stamps_ns.tolist())):
+                self.step(stamp - before, 0)
+            return
         sums = self._beside_ns, self._squares, self._unsure
         beside_ns, squares, unsure = self._sums(before_ns, stamps_ns)
-        ends = [*range(-self._scans % EVERY or EVERY, count + 1, EVERY)]
         for at in dict.fromkeys((*ends, count)):
             self._missing[0] = missing + at
             self._beside_ns = sums[0] + int(beside_ns[at - 1])
@@ -149,12 +153,28 @@ class ScanRate:
             self._unsure = sums[2] + int(unsure[at - 1])
             if at in ends:
                 self._marks.append(self._mark())
-        if ends:
-            self.off_hz = self._judged(self._marks)
+        self.off_hz = self._judged(self._marks)
         self._scans += count
+
+    def _ends(self, count: int) -> range:
+        """After how many of so many scans the rate is looked at."""
+        return range(-self._scans % EVERY or EVERY, count + 1, EVERY)
 
     def _sums(self, before_ns: int, stamps_ns: Stamps) -> tuple[Stamps, Stamps, Stamps]:
         """Sums up to each scan: what it is beside the grid, the squares, and scans far beside."""
         beside_ns = np.diff(stamps_ns, prepend=before_ns) - self._period_ns
         far = np.abs(beside_ns) > UNSURE * self._period_ns
         return np.cumsum(beside_ns), np.cumsum(beside_ns * beside_ns), np.cumsum(far)
+
+
+def _counted(first: _Mark, last: _Mark) -> tuple[int, int, int]:
+    """Scans and periods between two marks, and how many are missing before each; 0: not as many."""
+    if first.missing[1:] == last.missing[1:]:  # mostly none is
+        scans = last.missing[0] - first.missing[0]
+        return scans, scans, 0
+    counts = [b - a for a, b in zip(first.missing, last.missing, strict=True)]
+    scans = sum(counts)
+    most = max(range(len(counts)), key=counts.__getitem__)
+    if 0 < most < MOST_MISSING and counts[most] >= ALWAYS * scans:
+        return scans, scans * (most + 1), most
+    return scans, sum(count * (missing + 1) for missing, count in enumerate(counts)), 0

@@ -213,15 +213,15 @@ class StreamOrder:
         """
         if self.last_ns is None or self.starved:
             return 0
+        # After scans that were passed over, one alone shows whether the clock was set.
+        if self._out:
+            return 0
         ahead_ns, missing = self._ahead(stamps_ns)
         wrong = (2 * ahead_ns < self._period_ns) | (missing >= 1)
         if self.unsaid:
             since_ns = stamps_ns - self._said_ns
             wrong |= (since_ns < 0) | (since_ns >= SAY_NS)
         count = int(wrong.argmax()) if wrong.any() else len(stamps_ns)
-        # After scans that were passed over, one alone shows whether the clock was set.
-        if self._out:
-            return 0
         return min(count, self.rate.leading(self.last_ns, stamps_ns[:count]))
 
     def follow(self, stamps_ns: Stamps) -> None:

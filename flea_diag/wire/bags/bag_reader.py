@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator
-from operator import itemgetter
+from itertools import groupby, repeat
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from flea_diag.wire.bags.bag_layout import (
     refuse_closed,
     split_name,
 )
-from flea_diag.wire.bags.mcap_message import McapMessage
+from flea_diag.wire.bags.mcap_message import McapMessage, extent
 from flea_diag.wire.bags.mcap_scan import McapScan
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.bags.sqlite_source import SqliteSource
@@ -40,7 +41,7 @@ from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.regular_file import missing
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
-BLOCK_SCANS = 2048
+BLOCK_SCANS, PIECE_SCANS = 2048, 256
 BLOCK_BYTES = 16 << 20
 
 
@@ -123,7 +124,7 @@ class BagReader:
         self, types: Iterable[type] | None = None, namespace: str | None = None
     ) -> Iterator[Record | ScanBlock]:
         """Records in log order as from ``records``, with consecutive scans as blocks."""
-        for kind, part in _parts(self._messages(types, namespace)):
+        for kind, part in _parts(self._together(types, namespace)):
             block = _block(part) if kind is Scan else None
             if block is not None:
                 yield block
@@ -135,21 +136,26 @@ class BagReader:
         self, types: Iterable[type] | None, namespace: str | None
     ) -> Iterator[tuple[type, McapMessage]]:
         """Messages on flea_diag topics in log order, with the record type of each."""
+        for kind, part in self._together(types, namespace):
+            yield from zip(repeat(kind), part, strict=False)
+
+    def _together(
+        self, types: Iterable[type] | None, namespace: str | None
+    ) -> Iterator[tuple[type, list[McapMessage]]]:
+        """The same, with those on one topic together that follow each other."""
         wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
-        ordered = self._sources[0].messages()
+        ordered = self._sources[0].together()
         if len(self._sources) > 1:
-            ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+            merged = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+            ordered = ([message] for message in merged)
         read = dict.fromkeys(wanted, 0)
-        last, topic = None, None
-        for message in ordered:
-            channel = message.channel
-            if channel is not last:  # mostly scans follow each other
-                last, topic = channel, wanted.get(channel.topic)
-                if topic is not None and channel.message != topic.message:
-                    topic = None
-            if topic is not None:
-                read[channel.topic] += 1
-                yield topic.record, message
+        for messages in ordered:
+            for channel, group in groupby(messages, attrgetter("channel")):
+                topic = wanted.get(channel.topic)
+                if topic is not None and channel.message == topic.message:
+                    part = list(group)
+                    read[channel.topic] += len(part)
+                    yield topic.record, part
         self.losses += [
             f"{name}: {self._stated[name] - count} of the {self._stated[name]} messages that "
             f"{METADATA_FILE} counts are not in the bag"
@@ -200,25 +206,40 @@ class BagReader:
 
 
 def _parts(
-    messages: Iterator[tuple[type, McapMessage]],
+    together: Iterator[tuple[type, list[McapMessage]]],
 ) -> Iterator[tuple[type, list[McapMessage]]]:
     """Consecutive scans, up to a number and a size, for few large ones fill the memory, too.
 
     Every other message is a part of its own.
     """
     scans: list[McapMessage] = []
-    size_bytes = 0
-    for kind, message in messages:
-        if scans and (kind is not Scan or len(scans) == BLOCK_SCANS or size_bytes > BLOCK_BYTES):
+    held_bytes = 0
+    for kind, messages in together:
+        if kind is not Scan and scans:
             yield Scan, scans
-            scans, size_bytes = [], 0
-        if kind is Scan:
-            scans.append(message)
-            size_bytes += len(message.data)
-        else:
-            yield kind, [message]
+            scans, held_bytes = [], 0
+        for size_bytes, piece in _pieces(messages) if kind is Scan else ():
+            many = len(scans) + len(piece) > BLOCK_SCANS
+            if scans and (many or held_bytes + size_bytes > BLOCK_BYTES):
+                yield Scan, scans
+                scans, held_bytes = [], 0
+            scans += piece
+            held_bytes += size_bytes
+        if kind is not Scan:
+            yield from ((kind, [message]) for message in messages)
     if scans:
         yield Scan, scans
+
+
+def _pieces(messages: list[McapMessage]) -> Iterator[tuple[int, list[McapMessage]]]:
+    """Some at a time with the bytes of their data, large ones one by one."""
+    for start in range(0, len(messages), PIECE_SCANS):
+        piece = messages[start : start + PIECE_SCANS]
+        size_bytes, _ = extent(piece)
+        if size_bytes <= BLOCK_BYTES:
+            yield size_bytes, piece
+        else:
+            yield from ((len(message.data), [message]) for message in piece)
 
 
 def _block(messages: list[McapMessage]) -> ScanBlock | None:

@@ -54,7 +54,7 @@ class McapMessage(NamedTuple):
     data: bytes
 
 
-def _extent(messages: list[McapMessage]) -> tuple[int, int]:
+def extent(messages: list[McapMessage]) -> tuple[int, int]:
     """Bytes of data, and number."""
     return sum(map(len, map(_data, messages))), len(messages)
 
@@ -73,7 +73,7 @@ class Waiting:
 
     def hold(self, messages: list[McapMessage]) -> None:
         """Charge messages that are going to be added."""
-        self._budget.hold(*_extent(messages))
+        self._budget.hold(*extent(messages))
 
     def add(self, messages: list[McapMessage]) -> None:
         """Add the messages of the next piece, which are held."""
@@ -82,15 +82,18 @@ class Waiting:
             heappush(self._heap, (messages[0].log_ns, len(self._pieces), 0))
             self._pieces.append(messages)
 
-    def before(self, end_ns: int | None) -> Iterator[McapMessage]:
-        """Messages in order that are older than a time, all if there is none; they wait no more."""
+    def before(self, end_ns: int | None) -> Iterator[list[McapMessage]]:
+        """Messages in order that are older than a time, all if there is none; they wait no more.
+
+        Those that come from one piece after each other are together.
+        """
         while self._heap and (end_ns is None or self._heap[0][0] < end_ns):
             _, number, start = heappop(self._heap)
             messages = self._pieces[number]
             end = self._end(messages, number, start, end_ns)
             due = messages[start:end]
-            self._budget.release(*_extent(due))
-            yield from due
+            self._budget.release(*extent(due))
+            yield due
             if end < len(messages):
                 heappush(self._heap, (messages[end].log_ns, number, end))
             else:

@@ -26,7 +26,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterator
-from itertools import count, islice
+from itertools import chain, count
 from pathlib import Path
 from typing import IO
 
@@ -54,6 +54,7 @@ from flea_diag.wire.bags.mcap_piece import (
     Piece,
     Pieces,
 )
+from flea_diag.wire.bags.message_run import run_of_alike
 from flea_diag.wire.regular_file import opened
 
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _ATTACHMENT = 1, 2, 3, 4, 9
@@ -216,7 +217,13 @@ class McapScan:
             self.attachments[name] = sized(body, place, U64)
 
     def messages(self) -> Iterator[McapMessage]:
+        """All messages in order of log time; see ``together``."""
+        return chain.from_iterable(self.together())
+
+    def together(self) -> Iterator[list[McapMessage]]:
         """All messages in order of log time; equal times keep their order in the file.
+
+        Those that stand in one piece of the file are together, as far as no other overlaps it.
 
         Raises
         ------
@@ -229,7 +236,7 @@ class McapScan:
         except OSError as error:
             raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from error
 
-    def _ordered(self) -> Iterator[McapMessage]:
+    def _ordered(self) -> Iterator[list[McapMessage]]:
         waiting = Waiting(self._budget)
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with opened(self.path) as stream:
@@ -239,7 +246,7 @@ class McapScan:
                 unpacked = self._unpacked(stream, piece)
                 self._budget.resume()
                 messages: list[McapMessage] = []
-                while part := list(islice(unpacked, AT_ONCE)):
+                while part := _some(unpacked):
                     self._budget.count(len(part))
                     waiting.hold(part)
                     messages += part
@@ -249,7 +256,7 @@ class McapScan:
 
     def _unpacked(
         self, stream: IO[bytes], piece: Piece, definitions: bool = False
-    ) -> Iterator[McapMessage]:
+    ) -> Iterator[list[McapMessage]]:
         """Messages; none, and nothing of damage yet, where ``definitions`` alone are wanted."""
         stream.seek(piece.offset)
         data = memoryview(stream.read(piece.size))
@@ -263,18 +270,18 @@ class McapScan:
             if piece.whole and not definitions:
                 self._lose(f"rest of chunk at {piece.offset}: {error}")
 
-    def _run(self, data: memoryview, offset: int) -> Iterator[McapMessage]:
+    def _run(self, data: memoryview, offset: int) -> Iterator[list[McapMessage]]:
         """Messages outside of chunks; one that cannot be read loses no other."""
         raw, place = bytes(data), 0
         while place < len(raw):
             _, size = RECORD.unpack_from(raw, place)
             begin, place = place + RECORD.size, place + RECORD.size + size
             try:
-                yield self._message(raw, begin, place)
+                yield [self._message(raw, begin, place)]
             except (DamageError, struct.error) as error:
                 self._lose(f"message at {offset + begin}: {error}")
 
-    def _records(self, raw: bytes, definitions: bool) -> Iterator[McapMessage]:
+    def _records(self, raw: bytes, definitions: bool) -> Iterator[list[McapMessage]]:
         data = memoryview(raw)  # a piece of bytes is copied once, of a view twice
         place = passed_over = 0
         end, head, opened = len(raw), RECORD.size, RECORD.unpack_from
@@ -286,7 +293,9 @@ class McapScan:
                 raise DamageError(f"record of {size} bytes announced, {end - begin} left")
             if opcode == MESSAGE:
                 if not definitions:
-                    yield self._message(raw, begin, place)
+                    run = run_of_alike(raw, begin - head, place, self.channels)
+                    yield run or [self._message(raw, begin, place)]
+                    place += max(len(run) - 1, 0) * (place - begin + head)
                 continue
             passed_over += 1
             if passed_over % AT_ONCE == 0:
@@ -304,3 +313,13 @@ class McapScan:
         if channel is None:
             raise DamageError(f"message on undefined channel {number}")
         return McapMessage(log_ns, publish_ns, channel, raw[data:end])
+
+
+def _some(lists: Iterator[list[McapMessage]]) -> list[McapMessage]:
+    """At least ``AT_ONCE`` of what is left."""
+    some: list[McapMessage] = []
+    for each in lists:
+        some += each
+        if len(some) >= AT_ONCE:
+            break
+    return some

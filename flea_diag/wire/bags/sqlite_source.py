@@ -75,6 +75,10 @@ class SqliteSource:
             with self._database(file) as database:
                 yield from self._messages(file, database)
 
+    def together(self) -> Iterator[list[McapMessage]]:
+        """The same, each by itself."""
+        return ([message] for message in self.messages())
+
     def _messages(self, file: Path, database: sqlite3.Connection) -> Iterator[McapMessage]:
         budget = Budget(file.name, file.stat().st_size, STORAGE_RATIO)
         query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, rowid"

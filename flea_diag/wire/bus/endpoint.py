@@ -26,6 +26,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.bus import qos
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import advertise_foreign, subscribe_foreign
@@ -38,7 +39,7 @@ from flea_diag.wire.bus.remote.remote_parameter import RemoteParameter
 from flea_diag.wire.bus.remote.remote_service import RemoteService
 from flea_diag.wire.bus.subscription import Subscription
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import Health, Record
+from flea_diag.wire.records import Health, Record, Residual
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
 P = TypeVar("P")
@@ -207,6 +208,15 @@ class Bus(NodeLog, Generic[P]):
         if isinstance(record, Health):
             self._own_stamps.append(record.stamp_ns)
         self.publish_raw(type(record), codec.encode(record, self.stand))
+
+    def publish_block(self, block: ResidualBlock) -> None:
+        """Publish the residuals of many scans, each by itself; none where nobody listens.
+
+        Their topic keeps nothing for who comes later.
+        """
+        if self.publishers.matched(Residual):
+            for data in codec.encode_block(block):
+                self.publish_raw(Residual, data)
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""

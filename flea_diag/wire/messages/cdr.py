@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
+from functools import lru_cache
 from typing import NoReturn
 
 from flea_diag.errors import WireError, shown
@@ -40,6 +41,8 @@ TRAILING = 16
 """Largest number of bytes after a message: rclpy 7.1 appends 8 unset bytes to a JointState, since
 it estimates the size with an alignment that an empty sequence does not have."""
 
+KEPT_TEXT = 100
+"""Longest string whose bytes are cached, characters."""
 KEPT_BYTES = 1 << 16
 """Largest sequence of strings that is cached."""
 _KEPT: deque[tuple[bytes, tuple[str, ...]]] = deque(maxlen=8)
@@ -68,6 +71,16 @@ def text_bytes(value: str) -> bytes:
     return raw
 
 
+def _text(value: str) -> bytes:
+    """A string as it is written, from its length on."""
+    raw = text_bytes(value)
+    return b"%b%b\0" % (_U32.pack(len(raw) + 1), raw)
+
+
+_kept_text = lru_cache(maxsize=4096)(_text)
+"""The same of short ones: what is repeated each second says mostly the same."""
+
+
 class CdrWriter:
     """Writes one message; ``bytes()`` of it includes the encapsulation."""
 
@@ -94,10 +107,8 @@ class CdrWriter:
 
     def text(self, value: str) -> None:
         """One string."""
-        raw = text_bytes(value)
-        self.u32(len(raw) + 1)
-        self._body += raw
-        self._body.append(0)
+        self._body += bytes(-len(self._body) & 3)
+        self._body += _text(value) if len(value) > KEPT_TEXT else _kept_text(value)
 
     def raw(self, data: bytes | memoryview) -> None:
         """Bytes as they are."""
@@ -177,6 +188,17 @@ class CdrReader:
 
     def text(self) -> str:
         """One string."""
+        start = self._position + (-self._position & 3) + 4
+        if start <= len(self._body):  # a sound one, in as few steps as there are
+            end = start + _U32.unpack_from(self._body, start - 4)[0]
+            raw = self._body[start:end].tobytes()
+            if end <= len(self._body) and raw.find(0) == end - start - 1 and raw.isascii():
+                self._position = end
+                return raw[:-1].decode("ascii")
+        return self._any_text()
+
+    def _any_text(self) -> str:
+        """The same of any bytes: other letters, or what is wrong with them."""
         length = self.u32()
         if length == 0:
             return ""

@@ -23,10 +23,11 @@ nor a bag library. One file per message type: ``joint_state``, ``point_cloud``,
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, TypeVar, cast
 
 from flea_diag.errors import WireError
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.messages import diagnostic_array, gate, joint_state, point_cloud
 from flea_diag.wire.messages.cdr import CdrReader
 from flea_diag.wire.records import Record
@@ -62,6 +63,11 @@ def encode(record: Record, stand: str = "stand") -> bytes:
     data = CARRIERS[message].encode(record, stand)
     _check_size(type(record), message, len(data))
     return data
+
+
+def encode_block(block: ResidualBlock) -> Iterator[bytes]:
+    """Write each record of a block as CDR, the very same bytes at a fraction of the cost."""
+    return joint_state.encode_residuals(block)
 
 
 def decode(record_type: type[R], data: bytes | memoryview) -> R:

@@ -17,13 +17,16 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.messages.cdr import (
     ENCAPSULATION,
     KEPT_BYTES,
@@ -74,6 +77,25 @@ def encode(record: Any, _: str) -> bytes:
         raise WireError(f"{kind}: {len(form.names)} names but {len(values)} values")
     numbers, stamp = form.numbers.pack(*values), stamp_bytes(record.stamp_ns)
     return b"".join((ENCAPSULATION, stamp, form.between, numbers, _NO_VELOCITY_NOR_EFFORT))
+
+
+def encode_residuals(block: ResidualBlock) -> Iterator[bytes]:
+    """CDR bytes of each record of a block, the very same as of the record by itself."""
+    form = _form_of(
+        block.names, block.regressor_names, block.estimated, HEALTH if block.health.size else ()
+    )
+    last, estimated = 3 * len(block.names), 3 * len(block.names) + len(block.regressor_names)
+    end = estimated + 2 * len(block.estimated)
+    table = np.empty((len(block), len(form.names)), dtype="<f8")
+    table[:, 0:last:3], table[:, 1:last:3] = block.values, block.z
+    table[:, 2:last:3], table[:, last:estimated] = block.thresholds, block.regressors
+    table[:, estimated:end:2], table[:, estimated + 1 : end : 2] = (
+        block.estimates, block.estimate_sigmas,
+    )  # fmt: skip
+    table[:, end:] = block.health
+    for stamp_ns, row in zip(block.stamps_ns.tolist(), table, strict=True):
+        stamp, numbers = stamp_bytes(stamp_ns), row.tobytes()
+        yield b"".join((ENCAPSULATION, stamp, form.between, numbers, _NO_VELOCITY_NOR_EFFORT))
 
 
 @lru_cache(maxsize=64)

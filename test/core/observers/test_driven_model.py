@@ -36,7 +36,8 @@ P = flea_parameters(
     voltage_offset_v=1.5, current_offset_a=-0.3, load_friction_ratio=0.05, encoder_m_per_rad=5e-4
 )
 HAVE_NUMBA = importlib.util.find_spec("numba") is not None
-BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
+# The first of them compiles the motion by itself, as nothing else does.
+BACKENDS = ["numpy", *([pytest.param("numba", marks=pytest.mark.slow)] if HAVE_NUMBA else [])]
 
 
 RELATIONS = compiled_relations("actuator.yaml")
@@ -111,6 +112,7 @@ def test_steady_speed_and_what_its_sensors_read() -> None:
     assert read["actuator_position"] == read["load_position"] == x[3, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 @pytest.mark.parametrize("pwm", [False, True])
 @pytest.mark.parametrize("u", [(9.0, 80.0), (np.nan, 80.0), (9.0, np.nan), (np.nan, np.nan)])

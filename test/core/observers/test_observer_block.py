@@ -30,7 +30,7 @@ from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.observer_block import Innovations, Scans, row_layout
-from flea_diag.core.observers.observer_loops import join_loops, read_loops, sane_loops
+from flea_diag.core.observers.observer_loops import Places, join_loops, read_loops, sane_loops
 from flea_diag.core.observers.state_observer import StateObserver
 
 pytestmark = pytest.mark.slow
@@ -119,11 +119,10 @@ def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
     rows[250, FLEA.index["commanded_voltage"]] = math.inf
     command = P.drive_offset_v, P.drive_gain
     columns, model = made._columns, made._model
-    flags = tuple(model.absent.tolist()), tuple(model.driving.tolist())
-    reads = backends.bound(read_loops, COLUMNS=columns, ABSENT=flags[0], DRIVING=flags[1])
+    places = Places.of(columns, model.absent, model.driving)
     widths = map(len, (columns.inputs, columns.motion, columns.motion, columns.degc))
     scans, measured = [np.empty((len(rows), w)) for w in widths], np.empty(len(rows), np.int64)
-    backends.exact(reads, sane_loops)(rows, command, tuple(scans), measured)
+    backends.exact(read_loops, sane_loops)(rows, places, command, tuple(scans), measured)
     plain = Scans.read(rows, made._columns, made._model.absent, command, made._model.driving)
     assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
     assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
@@ -131,8 +130,7 @@ def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
     raw[::7, LAYOUT.warm + 1] = math.nan
     lost, table = np.zeros(300, dtype=bool), np.empty((300, len(LAYOUT.order)))
     joined = Innovations.joined(LAYOUT, raw, measured[:300], lost)
-    joins = backends.bound(join_loops, LAYOUT=(5, 7, LAYOUT.raw))
-    backends.exact(joins)(raw, measured[:300], table, LAYOUT.order)
+    backends.exact(join_loops)(raw, measured[:300], (5, 7), table, LAYOUT.order)
     assert table.tobytes() == joined.table.tobytes()
     assert measured[:300].tolist() == joined.measured.tolist()
 

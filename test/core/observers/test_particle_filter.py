@@ -37,7 +37,9 @@ STEPS = 1000
 needs_numba = pytest.mark.skipif(
     importlib.util.find_spec("numba") is None, reason="numba is not installed"
 )
-backend = pytest.mark.parametrize("backend", ["numpy", pytest.param("numba", marks=needs_numba)])
+# The first of them compiles the step by itself, as nothing else does.
+compiled = pytest.param("numba", marks=[needs_numba, pytest.mark.slow])
+backend = pytest.mark.parametrize("backend", ["numpy", compiled])
 
 
 def particle_filter(
@@ -154,6 +156,7 @@ def test_prediction_and_its_sigma_are_kalmans(backend: str) -> None:
 
 
 @needs_numba
+@pytest.mark.slow
 @pytest.mark.parametrize("proposal", ["optimal", "bootstrap"])
 def test_backends_share_random_numbers_and_give_the_same_answers(proposal: str) -> None:
     given = sharpened(model(), 2.0)

@@ -23,6 +23,7 @@ import pytest
 
 from flea_diag.configuration.calibrations import law_of
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core import backend as backends
 from flea_diag.core.run_law.law_noise import BOUND, LASTING, LawNoise, calibrated, learned_noise
 from flea_diag.core.run_law.motion_noise import ANY_MOTION, with_rest
 from flea_diag.core.run_law.run_windows import (
@@ -180,6 +181,10 @@ def test_losses_warm_a_winding_and_fade_whatever_the_blocks():
     )
     assert whole[-1] == pytest.approx(whole[2999] * math.exp(-60.0 / HEATING_S), rel=1e-3)
     assert np.array_equal(losses(np.array([math.nan, 1.0]), 0.0, 0.01), [0.0, 0.01])
+    if backends.chosen("auto") == "numba":
+        assert losses(current, 0.3, 0.01, compiled=True).tobytes() == (
+            losses(current, 0.3, 0.01).tobytes()
+        )
 
 
 def test_how_a_machine_moves_is_told_from_window_to_window():

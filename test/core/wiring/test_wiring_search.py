@@ -92,23 +92,27 @@ def test_nothing_is_found_of_a_healthy_unit() -> None:
     assert found_in(readings(HEALTHY)) is None
 
 
+def wired(fault: WiringFault) -> np.ndarray:
+    """Readings with one channel wired so."""
+    if fault.kind == LATE:
+        return late(fault.channel, fault.scans)
+    return changed(fault.channel, -1.0 if fault.kind == TURNED else fault.factor)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("rows", "fault"),
+    "fault",
     [
-        (changed("motor_current", -1.0), WiringFault(TURNED, "motor_current")),
-        (changed("motor_voltage", 1e3), WiringFault(FACTOR, "motor_voltage", factor=1e3)),
-        (
-            changed("actuator_position", 1.0 / 25.4),
-            WiringFault(FACTOR, "actuator_position", factor=1.0 / 25.4),
-        ),
-        (late("commanded_voltage", 10), WiringFault(LATE, "commanded_voltage", scans=10)),
-        (late("motor_speed", 3), WiringFault(LATE, "motor_speed", scans=3)),
+        WiringFault(TURNED, "motor_current"),
+        WiringFault(FACTOR, "motor_voltage", factor=1e3),
+        WiringFault(FACTOR, "actuator_position", factor=1.0 / 25.4),
+        WiringFault(LATE, "commanded_voltage", scans=10),
+        WiringFault(LATE, "motor_speed", scans=3),
     ],
-    ids=lambda value: value.words(0.01) if isinstance(value, WiringFault) else "",
+    ids=lambda fault: fault.words(0.01),
 )
-def test_the_one_wiring_is_found(rows: np.ndarray, fault: WiringFault) -> None:
-    finding = found_in(rows)
+def test_the_one_wiring_is_found(fault: WiringFault) -> None:
+    finding = found_in(wired(fault))
     assert finding is not None
     assert finding.faults == (fault,)
     assert finding.is_sure
@@ -126,19 +130,17 @@ def test_swapped_channels_are_found() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("rows", "fault"),
+    "fault",
     [
         # A voltage that is next to nothing beside its command is an open supply, too.
-        (
-            changed("commanded_voltage", 1000.0),
-            WiringFault(FACTOR, "commanded_voltage", factor=1000.0),
-        ),
+        WiringFault(FACTOR, "commanded_voltage", factor=1000.0),
         # A load that only ever stands against the motion is a drag where it is turned.
-        (changed("load_force", -1.0), WiringFault(TURNED, "load_force")),
+        WiringFault(TURNED, "load_force"),
     ],
+    ids=lambda fault: fault.words(0.01),
 )
-def test_what_a_fault_explains_as_well_is_not_sure(rows: np.ndarray, fault: WiringFault) -> None:
-    finding = found_in(rows)
+def test_what_a_fault_explains_as_well_is_not_sure(fault: WiringFault) -> None:
+    finding = found_in(wired(fault))
     assert finding is not None
     assert finding.faults == (fault,)
     assert not finding.is_sure

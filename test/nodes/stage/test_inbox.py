@@ -21,14 +21,15 @@ from support.live import Peer
 
 from flea_diag.configuration.component import DIAGNOSER
 from flea_diag.nodes.stage.adapter import Adapter
-from flea_diag.nodes.stage.inbox import Turns
+from flea_diag.nodes.stage.inbox import MOST_WAITING, Inbox, Turns
 from flea_diag.nodes.stage.ports import StagePorts
 from flea_diag.nodes.stage.verdict_memory import NONE, VerdictMemory
 from flea_diag.stages.digest import digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.bags.bag import BagReader
-from flea_diag.wire.blocks import Block, ScanBlock
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Record, Scan
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Record, Residual, Scan
+from flea_diag.wire.topics import TOPIC_OF
 
 AHEAD = 60
 """Scans that are sent before those before them have been handled."""
@@ -86,3 +87,37 @@ def test_batches_decide_what_single_scans_decide(domain: int) -> None:
     assert digest(batched.said) == digest(singly.said)
     last = [record for record in batched.said if isinstance(record, AmbiguityGroup)][-1]
     assert last.outcome is Outcome.ISOLATED
+
+
+def test_residuals_of_a_block_come_one_by_one_to_who_listens(domain: int) -> None:
+    whole, bag = diagnosis(), BagReader(BAGS / "winding_short")
+    caused = (
+        whole.handle_block(r) if isinstance(r, ScanBlock) else whole.handle(r)
+        for r in bag.blocks((ChannelTable, Scan))
+    )
+    block = next(r for some in caused for r in some if isinstance(r, ResidualBlock))
+    block = block.part(slice(10))
+    with Peer(domain, name="node") as node, Peer(domain, name="reader") as reader:
+        node.bus.publish_block(block)  # to nobody: nothing is kept
+        reader.listen(Residual)
+        assert node.heard(Residual)
+        node.bus.publish_block(block)
+        last = block.stamps_ns[-1]
+        reader.find(lambda record: record.stamp_ns == last)
+    assert [repr(r) for r in reader.records] == [repr(r) for r in block.records()]
+
+
+def test_of_a_stand_that_sends_too_much_all_that_waits_is_lost_at_once(domain: int) -> None:
+    most, more, taken = max(MOST_WAITING, TOPIC_OF[Scan].depth), 10, []
+    with Peer(domain, name="source") as source, Peer(domain, name="node") as node:
+        turns = Turns(node.bus, batch_ms=1e6)  # none of its own
+        inbox = Inbox(node.bus, turns, taken.append, lambda block: taken.append(block) is None)
+        inbox.subscribe(Scan)
+        stream = node.bus.streams[Scan]
+        assert source.heard(Scan)
+        for number in range(most + more):
+            source.bus.publish(Scan((1 + number) * 10_000_000, ("a",), (0.0,)))
+            node.until(lambda number=number: stream.received == 1 + number)
+        assert stream.lost == most
+        assert not inbox.turn()
+    assert [len(block) for block in taken] == [more]

@@ -27,9 +27,13 @@ from support.observer_scans import jammed
 from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.state_copy import state_copy
+from flea_diag.stages.observer import block_replay
 from flea_diag.stages.observer.block_replay import (
     LEAST_SCANS,
     MOST_BLOCKS,
+    MOST_REPEATED,
+    MOST_SCANS,
+    QUIET_SHARE,
     BlockReplay,
     Checkpoint,
 )
@@ -142,3 +146,22 @@ def test_what_came_in_small_blocks_is_repeated_as_one(monkeypatch):
     (_, expected), (_, found) = chain.follow(coming), again.follow(coming)
     assert found.regressors.tobytes() == expected.regressors.tobytes()
     assert found.results.table.tobytes() == expected.results.table.tobytes()
+
+
+def test_the_longer_it_was_quiet_the_more_may_be_repeated_up_to_a_limit(monkeypatch):
+    chain, replay, copies = warm(), BlockReplay(), []
+    monkeypatch.setattr(block_replay, "state_copy", lambda state: copies.append(taken) or state)
+    monkeypatch.setattr(ObserverChain, "leading", lambda self, part: len(part))
+    monkeypatch.setattr(ObserverChain, "follow", lambda self, part: (len(part), None))
+    taken, part = 0, block(START, START + LEAST_SCANS)
+    many = ScanBlock(*(np.resize(a, (4 * MOST_SCANS, *a.shape[1:])) if isinstance(a, np.ndarray)
+                       else a for a in (part.stamps_ns, part.channels, part.values)))  # fmt: skip
+    while taken < 20 * MOST_REPEATED:
+        chain, quiet, _ = replay.take(chain, many)
+        taken += quiet
+    between = np.diff(copies)
+    assert between[0] >= MOST_SCANS
+    assert all(now <= later for now, later in pairwise(between[1:]))
+    assert between[-1] == MOST_REPEATED
+    begun = np.array(copies[1:-1])
+    assert (between[1:] <= np.maximum(begun / QUIET_SHARE, MOST_SCANS) + MOST_SCANS).all()

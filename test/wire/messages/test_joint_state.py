@@ -16,9 +16,12 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from flea_diag.errors import WireError
+from flea_diag.wire.blocks import block_of
 from flea_diag.wire.messages import codec, joint_state
 from flea_diag.wire.messages.joint_state import MOST_NAMES
 from flea_diag.wire.records import Residual, Scan, VibrationLevel
@@ -72,3 +75,14 @@ def test_more_names_than_a_stand_has_are_refused_with_their_number() -> None:
         codec.decode(Scan, data)
     fewer = Scan(1, names[1:], (0.0,) * MOST_NAMES)
     assert codec.decode(Scan, codec.encode(fewer)) == fewer
+
+
+@pytest.mark.parametrize("observed", [True, False])
+def test_a_block_is_written_as_its_records_are(observed: bool) -> None:
+    nan, estimate = math.nan, (("x",), (9.0,), (0.125,), (50.0, 1.0, 0.0))
+    records = [
+        Residual(stamp_ns, ("a", "b"), (1.0, nan), (nan, 0.25), (5.0, 6.0), ("u", "v"), (3.0, nan),
+                 *(estimate if observed else ((), (), (), ())))
+        for stamp_ns in (2_000_000_000, 2_010_000_007)
+    ]  # fmt: skip
+    assert list(codec.encode_block(block_of(*records))) == list(map(codec.encode, records))

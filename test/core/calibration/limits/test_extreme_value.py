@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from flea_diag.core.calibration.limits.extreme_value import (
     LEAST_MAXIMA,
@@ -39,6 +38,8 @@ def test_l_moments_of_a_uniform_distribution_are_a_half_a_sixth_and_none() -> No
 def test_the_level_of_rare_maxima_is_that_of_the_distribution_they_were_drawn_from(
     shape: float,
 ) -> None:
+    from scipy import stats  # a second of every worker's time, were it imported with the tests
+
     whole = stats.genextreme(shape, loc=0.5, scale=0.1)
     drawn = whole.rvs(size=20_000, random_state=2)
     assert extreme_value(drawn)[2] == pytest.approx(shape, abs=0.02)
@@ -46,6 +47,8 @@ def test_the_level_of_rare_maxima_is_that_of_the_distribution_they_were_drawn_fr
 
 
 def test_a_heavier_tail_than_that_of_gumbel_is_not_read_from_maxima() -> None:
+    from scipy import stats
+
     drawn = stats.genextreme(-0.3).rvs(size=20_000, random_state=3)
     assert extreme_value(drawn)[2] == 0.0
 
