@@ -19,8 +19,9 @@ python bench/faults/pairs_of_faults.py 5 --machine ema --seed 4400
 
 Two faults are drawn from the catalogue with sizes by the machine's own. A pair counts where each
 member alone is detected and in its last group, and where both act differently on the relations.
-``masked``: one of both keeps motion, current or the very reading of the other away. Both are named
-where the last verdict holds both in a set of at most four names.
+``masked``: one of both keeps motion, current or the very reading of the other away, or is a dead
+reading that each relation which the other moves holds: the verdict says that it hides them. Both
+are named where the last verdict holds both in a set of at most four names.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import Stand, load_stand
+from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.isolability import isolable
 from flea_diag.tools.evaluate.case_run import diagnose
@@ -82,7 +84,13 @@ class Pair:
         """Whether one of both keeps what the other needs to show away."""
         one, other = self.names
         shared = one.rpartition("_")[0] == other.rpartition("_")[0]
-        return one in STOPPING or other in STOPPING or ("dead" in one + other and shared)
+        return (
+            one in STOPPING
+            or other in STOPPING
+            or ("dead" in one + other and shared)
+            or hides(self.machine, one, other)
+            or hides(self.machine, other, one)
+        )
 
     def scenario(self, *which: int) -> Scenario:
         """The run with these of both faults."""
@@ -122,6 +130,20 @@ def known(machine: str) -> tuple[Stand, tuple[str, ...], tuple[FaultModel, ...]]
     modelled = {model.fault for model in models if model.terms}
     rows = catalogue(find_machine(machine))
     return stand, tuple(name for name in rows if name in modelled and name != "spall"), models
+
+
+@cache
+def hides(machine: str, dead: str, other: str) -> bool:
+    """Whether each relation that another fault moves holds the reading that is dead."""
+    stand, _, models = known(machine)
+    what = knowledge(stand, learned(stand))
+    if what.faults[dead].mode != "dead" or tested_alone(what.faults[other], what.symptoms):
+        return False
+    held, moved = (
+        {term.residual for model in models if model.fault == name for term in model.terms}
+        for name in (dead, other)
+    )
+    return moved <= held
 
 
 def drawn(machine: str, seed: int, apart_s: float) -> Pair:
