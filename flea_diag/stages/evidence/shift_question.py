@@ -122,7 +122,8 @@ class ShiftQuestion:
             for window in later:
                 self._take(found, window)
             found = stream.told(found.change)
-        if found is None and stream.other_unit > 0:
+        # What began before the shift may look like another unit, too: it is no answer to this.
+        if found is None and stream.other_unit > 0 and not stream.is_weighing:
             return ShiftAnswer.OTHER_UNIT
         if self.sudden and self.answer is ShiftAnswer.UNTOLD and found is not None:
             weighed = found.change.evidence.weighed()

@@ -99,6 +99,11 @@ class StreamEvidence:
         """Standardised errors of the last window under no fault, shape (relations,)."""
         return self._bank.errors
 
+    @property
+    def is_weighing(self) -> bool:
+        """Whether a change has been seen of which it is not yet told what it is."""
+        return self._changed is not None
+
     def rearm(self) -> None:
         """Nothing so far counts: what was found is over."""
         self.begun, self._changed = self.history.taken, None

@@ -114,6 +114,20 @@ def test_a_fault_within_what_units_differ_by_is_no_other_unit(fault: str, size: 
     assert fault in {member.fault for member in last.members}
 
 
+def test_what_began_before_a_shift_is_no_answer_to_it() -> None:
+    """The first strokes of this run look like another unit's; the bias came ten seconds later."""
+    motion = {"kind": "trapezoid", "amplitude_m": 0.0161, "frequency_hz": 0.091}
+    values = {
+        "motion": motion | {"centre_m": 0.0542, "rise_s": 1.2}, "load": {"constant_n": -97.3},
+        "duration_s": 22.0, "seed": 1939079506, "ambient_degc": 26.5, "warm_degc": 7.3,
+        "faults": [{"fault": "motor_current_bias", "size": -0.554, "onset_s": 16.15}],
+    }  # fmt: skip
+    run = SimulatedStand(scenario(**values))
+    detections, last = told(tuple(r for r in run if isinstance(r, ChannelTable | Scan)))
+    assert [d.detected for d in detections] == [True]
+    assert "motor_current_bias" in {member.fault for member in last.members}
+
+
 def test_a_fault_that_no_unit_looks_like_is_asked_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """An episode may last for hours."""
     taken, add = [], ChangeEvidence.add
