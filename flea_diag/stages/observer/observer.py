@@ -91,12 +91,21 @@ class ObserverStage:
             self._table = record
             self._chain.take_ranges(record)
             self._deaf = self._unheard(record)
-        elif isinstance(record, AmbiguityGroup):
+        elif isinstance(record, AmbiguityGroup) and self._holds_more(record):
             self._verdict = record
         stamp_ns = self._chain.order.last_ns
         learned, opened = self._take_over()
         quality = (self._quality(stamp_ns),) if learned and stamp_ns is not None else ()
         return (*quality, *opened)
+
+    def _holds_more(self, verdict: AmbiguityGroup) -> bool:
+        """Whether a verdict is to be asked in place of the one before.
+
+        Until the table is known nothing is taken over, and the first verdict since a restart says
+        nothing yet: it does not replace what the one before it holds.
+        """
+        says_something = bool(verdict.offsets) or verdict.episode > 0
+        return self._table is not None or says_something or self._verdict is None
 
     def _take_over(self) -> tuple[bool, tuple[Record, ...]]:
         """Whether the verdict ends the warm-up, and the Detection of an episode that is open."""

@@ -137,6 +137,20 @@ def test_an_open_episode_is_taken_over_and_no_verdict_is_wrong(fault: str, kille
     assert (detection.detected, detection.test) == (True, TAKEN_OVER)
 
 
+def test_a_table_that_comes_after_the_first_verdict_since_a_restart_is_in_time() -> None:
+    """On a busy machine scans are connected first, and that they begin is a verdict by itself."""
+    scans = FAULTS["motor_temperature_bias"]()
+    stand = Stand()
+    stand.run(scans[:1300])
+    alone = Pipeline((stands.observer(), stands.isolator()))
+    said = list(alone.handle(stand.verdict))
+    for scan in scans[1300 + AWAY :][:ALONE]:
+        said += alone.handle(scan)
+    assert [group.episode for group in stands.of(AmbiguityGroup, said)] == [0]
+    (detection,) = stands.of(Detection, list(alone.handle(stands.table())))
+    assert (detection.detected, detection.test) == (True, TAKEN_OVER)
+
+
 def test_without_the_verdict_the_fault_is_learned_away() -> None:
     """What all this is for: the same return, but nobody tells the observer."""
     late = FAULTS["motor_temperature_bias"]()[1700 + AWAY :]
