@@ -41,9 +41,9 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import Stand, load_stand
-from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.isolability import isolable
+from flea_diag.stages.isolator.pairs.masking import Masking
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Record, Scan
 from flea_sim_driver.faults import catalogue
@@ -88,8 +88,8 @@ class Pair:
             one in STOPPING
             or other in STOPPING
             or ("dead" in one + other and shared)
-            or hides(self.machine, one, other)
-            or hides(self.machine, other, one)
+            or other in hidden_by(self.machine, one)
+            or one in hidden_by(self.machine, other)
         )
 
     def scenario(self, *which: int) -> Scenario:
@@ -133,17 +133,11 @@ def known(machine: str) -> tuple[Stand, tuple[str, ...], tuple[FaultModel, ...]]
 
 
 @cache
-def hides(machine: str, dead: str, other: str) -> bool:
-    """Whether each relation that another fault moves holds the reading that is dead."""
+def hidden_by(machine: str, name: str) -> frozenset[str]:
+    """Faults that the verdict says a dead reading hides; none of any other fault."""
     stand, _, models = known(machine)
-    what = knowledge(stand, learned(stand))
-    if what.faults[dead].mode != "dead" or tested_alone(what.faults[other], what.symptoms):
-        return False
-    held, moved = (
-        {term.residual for model in models if model.fault == name for term in model.terms}
-        for name in (dead, other)
-    )
-    return moved <= held
+    masking = Masking(knowledge(stand, learned(stand)), models)
+    return frozenset(fault for fault, _ in masking.hidden([(name,)]))
 
 
 def drawn(machine: str, seed: int, apart_s: float) -> Pair:

@@ -61,7 +61,7 @@ def refine_side(
     places = {table.place(side), table.place(2 * side)}
     rows = {fault: table.probabilities(fault, feature) for fault in group}
     joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
-    return without_improbable(joint, DROP_BELOW)
+    return without_improbable(joint)
 
 
 def without_improbable(joint: Group, drop_below: float = DROP_BELOW) -> dict[str, float]:

@@ -22,12 +22,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.choice.feature_table import UNAFFECTED
 from flea_diag.core.vibration.features import FeatureId
 from flea_diag.core.vibration.nominal_range import (
     LEAST_WINDOWS,
@@ -37,7 +38,7 @@ from flea_diag.core.vibration.nominal_range import (
 )
 from flea_diag.errors import CalibrationError
 
-NOMINAL = "nominal"
+NOMINAL = UNAFFECTED
 SYMBOLS = ("--", "-", "0", "0^", "+", "++")
 
 Ends = tuple[float, float, float]
@@ -91,6 +92,11 @@ class FeatureStatistics:
     def faults(self) -> tuple[str, ...]:
         """Faults seen, without nominal."""
         return tuple(fault for fault in self.counts if fault != NOMINAL)
+
+    def range_of(self, feature: str, ends: Ends) -> NominalRange:
+        """Nominal range of a feature with the ends of its symbols."""
+        low, high, upper = ends
+        return replace(self.ranges[feature], much=(low, high), upper=upper)
 
     def probability(self, fault: str, feature: str, ends: Ends) -> tuple[float, ...]:
         """P(symbol) of ``SYMBOLS``, divided at these ``ends``."""

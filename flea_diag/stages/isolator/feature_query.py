@@ -79,8 +79,7 @@ class FeatureQuery:
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
         """Choose the next feature, on this window or on a new one; `wanted` holds it."""
         self._rules = ANY_MOTION if RUBBING.issuperset(group) else FASTEST_FIRST
-        of_this = self.odds.unbounded(group, chooser.table)
-        self.wanted = chooser.next(of_this, self._tried) if len(of_this) > 1 else None
+        self.wanted = chooser.next(self.odds.unbounded(group, chooser.table), self._tried)
         if self.wanted or not self._answered or self._windows >= self.most_windows:
             return
         self.wanted = chooser.next(group)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import permutations
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
@@ -74,10 +73,7 @@ def _table(
 ) -> FaultFeatureTable:
     """What a table file of these statistics would hold, of the features that are asked for."""
     chosen = select(learned, costs, most, kept)
-    ranges = {
-        feature: replace(learned.ranges[feature], much=(low, high), upper=upper)
-        for feature, (low, high, upper) in chosen.items()
-    }
+    ranges = {feature: learned.range_of(feature, ends) for feature, ends in chosen.items()}
     entries = {
         (fault, feature): learned.probability(fault, feature, ends)
         for fault in learned.counts

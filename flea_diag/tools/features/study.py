@@ -37,6 +37,7 @@ from flea_diag.core.vibration.nominal_range import MOVING_RAD_S
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.extractor import ExtractorStage
 from flea_diag.stages.extractor.windows import Windows
+from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.tools.features.classifier import call, read_classifier
 from flea_diag.tools.features.judge import judge
 from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
@@ -58,7 +59,7 @@ from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S = 8.0
 DURATION_S = 22.0
-WINDOWS = 5
+WINDOWS = IsolatorParameters().feature_windows
 """Windows in motion available to features alone and to the classifier, as in an episode."""
 
 EVERY_S = 1.0

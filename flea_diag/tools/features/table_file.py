@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,7 @@ def table_mapping(
 
     ``heard``: features that are never requested, with entries for the alarms of the vibration
     monitor; ``levels``: section of the file -> range of each axis; ``unaffected`` faults have the
-    entries of nominal windows. ``window_errors``: see
-    `FaultFeatureTable`.
+    entries of nominal windows; ``window_errors``: see `FaultFeatureTable`.
     """
     columns = {**features, **heard}
     rows: dict[str, Any] = {
@@ -89,8 +88,7 @@ def table_mapping(
             "false_alarm_rate": making.false_alarm_rate,
             "orders": {name: _rounded(order) for name, order in making.orders.items()},
             "ranges": {
-                f: _rounded_range(replace(learned.ranges[f], much=(low, high), upper=upper))
-                for f, (low, high, upper) in features.items()
+                f: _rounded_range(learned.range_of(f, ends)) for f, ends in features.items()
             },
             **{
                 section: {axis: _rounded_range(found) for axis, found in ranges.items()}
