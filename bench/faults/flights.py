@@ -51,11 +51,12 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import described
 from flea_diag.configuration.stand import Stand, load_stand
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
+from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
-from flea_diag.core.run_law.law_columns import law_columns
+from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
-from flea_diag.core.run_law.visible_sizes import information, limit_nats
+from flea_diag.core.run_law.visible_sizes import WIDE, information, limit_nats, size_along
 from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
 from flea_diag.tools.calibrate.limit_sizes import LimitWork
 from flea_diag.tools.campaign.case import Case, Recipe
@@ -186,13 +187,16 @@ class Bounds:
             models, law.relations, signal_names(effects), predicted
         )
         self._work, self._rows = work, effects.residuals
+        dry = dry_friction(effects, parameters, law.relations)
+        self._friction = Friction.of(dry, effects, law.usual_speed)
 
     def of(self, scans: Sequence[Scan], until_s: float) -> dict[str, tuple[float, float]]:
         """By the law and by the limits of the calibration, in the unit of the simulator."""
         rows = np.array([[scan.value(name) for name in self._rows.channels] for scan in scans])
         item = WindowItem(NominalRun("flight", rows), "")
         run = self._work.windows(item).part(slice(0, math.ceil(until_s / WINDOW_S)))
-        held = information(self._law, self._columns, self._faults, run, round(ONSET_S / WINDOW_S))
+        onset, loud = round(ONSET_S / WINDOW_S), self._friction.loudness
+        held = information(self._law, self._columns, self._faults, run, onset, loud)
         by_limits = LimitWork(self._work, self.calibration, self._faults).sizes(item)
         limit = limit_nats(self.calibration.false_alarms_per_hour, len(self._faults))
         return {fault: self._sizes(fault, sizes, held, by_limits, limit)
@@ -204,13 +208,17 @@ class Bounds:
         columns = self._faults.columns
         way = np.array([sizes.get(c.size, 0.0) if c.fault == fault else 0.0 for c in columns])
         assert way.any(), (fault, [c.size for c in columns if c.fault == fault])
-        known = float(way @ held @ way)
-        feigned = [row.begun_sigma / abs(way[k]) for k, row in enumerate(self._law.feigned)
-                   if way[k]]  # fmt: skip
-        error = math.hypot(1.0 / math.sqrt(max(known, 1e-300)), min(feigned, default=0.0))
+        own = [k for k, column in enumerate(columns) if column.fault == fault]
+        shown = {(row.fault, row.size): row.onset for row in self._law.visible}
+        reach = [(c.high - c.low) / math.sqrt(12.0) for c in columns]
+        wide = [WIDE * shown[c.fault, c.size] if math.isinf(r) else r
+                for c, r in zip(columns, reach, strict=True)]  # fmt: skip
+        feigned = np.array([row.begun_sigma for row in self._law.feigned])
+        block, scale = held[np.ix_(own, own)], np.array(wide)[own]
+        bound = float(size_along(block, scale, feigned[own], way[own], limit))
         with np.errstate(divide="ignore"):
-            shown = np.where(way != 0.0, by_limits / np.abs(way), np.inf)
-        return math.sqrt(2.0 * limit) * error, float(shown.min())
+            by_tests = np.where(way != 0.0, by_limits / np.abs(way), np.inf)
+        return bound, float(by_tests.min())
 
 
 def until(scans: Sequence[Scan]) -> tuple[Array, float]:

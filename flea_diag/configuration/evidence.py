@@ -100,7 +100,7 @@ def stream_hypotheses(
     every = law_columns(known, parameters, tolerance, law.relations, free)
     columns = every.some([every.names.index(term.name) for term in law.terms])
     dry = dry_friction(known, parameters, law.relations)
-    friction = Friction(dry, names.index(speed_signal(known.residuals)), law.usual_speed)
+    friction = Friction.of(dry, known, law.usual_speed)
     signatures = signatures_of(known.bound(parameters), names, law)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     recording_s = calibration.nominal_s / law.recordings

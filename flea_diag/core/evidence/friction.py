@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.run_law.run_windows import signal_names, speed_signal
 
 Array = npt.NDArray[np.float64]
 
@@ -52,6 +54,12 @@ class Friction:
     speed: int
     usual_speed: float
 
+    @classmethod
+    def of(cls, dry: Array, effects: EffectSet, usual_speed: float) -> Friction:
+        """Of the stand of these effects."""
+        speed = signal_names(effects).index(speed_signal(effects.residuals))
+        return cls(dry, speed, usual_speed)
+
     def held(self, window: LawWindow) -> Array:
         """What the relations have taken off for it at a standstill against a push.
 
@@ -60,11 +68,14 @@ class Friction:
         stands = np.asarray(window.stands)[..., None]
         return np.asarray((window.signals * self.dry).sum(axis=-1) * stands)
 
-    def loudness(self, window: LawWindow) -> Array:
-        """Factor of the standard deviation for the stroke of a window, shape (..., relations)."""
+    def loudness(self, signals: Array) -> Array:
+        """Factor of the standard deviation for the stroke of a window, shape (..., relations).
+
+        ``signals`` as they are read, shape (..., relations, signals).
+        """
         if not self.usual_speed:
-            return np.ones(window.values.shape)
-        speed = np.abs(window.read[..., self.speed]).max(axis=-1)
+            return np.ones(signals.shape[:-1])
+        speed = np.abs(signals[..., self.speed]).max(axis=-1)
         share = self.usual_speed / np.maximum(speed, SLOWEST * self.usual_speed)
         factor = np.sqrt(np.maximum(share, 1.0))[..., None]
         return np.where(self._rubs, factor, 1.0)

@@ -40,11 +40,10 @@ from flea_diag.core.run_law.law_columns import FREE, NEGLECTED, LawColumns
 from flea_diag.core.run_law.law_noise import BOUND, LawNoise
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S
+from flea_diag.core.run_law.visible_sizes import WIDE
 
 Array = npt.NDArray[np.float64]
 
-WIDE = 10.0
-"""Least standard deviation of a size without a bound, in sizes that half of the recordings show."""
 OTHER_UNIT_K = 5.0
 """How much warmer or colder a part of another unit may be."""
 

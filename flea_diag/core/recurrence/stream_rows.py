@@ -156,7 +156,7 @@ class StreamRows:
     def _standing(self, windows: LawWindow) -> _Standing:
         h, known = self._h, np.isfinite(windows.values) & self._fast
         left, psi = h.own(windows, self._number + np.arange(len(known)))
-        sigma = h.noise.loudness(windows.motion) * h.friction.loudness(windows) * h.noise.sigma
+        sigma = h.noise.loudness(windows.motion) * h.friction.loudness(windows.read) * h.noise.sigma
         rows = np.concatenate((left[..., None], psi), axis=-1) / sigma[..., None]
         rows[~known] = 0.0
         return _Standing(rows, sigma, known)

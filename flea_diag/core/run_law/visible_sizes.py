@@ -14,20 +14,25 @@
 
 """What a calibration can see: the size from which on a fault shows in the motion of a recording.
 
-The information on the size of a fault, with all that recordings differ by integrated out, gives the
-standard error of that size; where a limit in nats decides, half of the recordings show
+The information on the sizes of a fault, with all that recordings differ by integrated out, is
 
-    size = sqrt(2 limit) (1 / information + what healthy recordings feign)^(1/2)
+    G' = G - G F (1 + F G F)^-1 F G
 
-A fault from before the recording is held against the variances between recordings; one with an
-onset mostly against the noise, for the time before it has shown what the recording is.
+less what healthy recordings feign (F, by size). Evidence is what a fault explains less what is
+spent on sizes that it might have had (S, what they may be a priori),
+
+    E = size^2 w'G'w / 2 - (log |1 + S G S| - log |1 + F G F|) / 2
+
+along w, so half of the recordings reach a limit where E does. A fault from before the recording is
+held against the variances between recordings; one with an onset mostly against the noise, for the
+time before it has shown what the recording is.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +47,7 @@ Array = npt.NDArray[np.float64]
 
 FOLLOWED_S = 10.0
 """Time after its onset in which a fault is to be detected."""
+FOLLOWED = round(FOLLOWED_S / WINDOW_S)
 BEFORE = 1.0 / 3.0
 """Share of a recording before the onset."""
 ALIKE = 1e-3
@@ -50,6 +56,11 @@ MOST_RUNS = 60
 """Recordings whose motion is looked at, evenly over all."""
 ONSETS_PER_HOUR = 9000.0
 """One begins every 0.4 s, about the smoothing of the readings."""
+WIDE = 10.0
+"""Least standard deviation of a size without a bound, in sizes that half of the recordings show."""
+
+Loudness = Callable[[Array], Array]
+"""Factor of the noise in windows of these signals, shape (windows, relations) of (..., signals)."""
 
 
 def limit_nats(rate_per_hour: float, models: int) -> float:
@@ -62,21 +73,31 @@ def limit_nats(rate_per_hour: float, models: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class SizeErrors:
-    """Standard errors of sizes in each recording, shape (recordings, faults); infinite: unseen.
+    """Information on sizes in each recording, shape (recordings, faults, faults).
 
-    ``beside`` are those beside the most similar other fault that it is told from, ``alike`` the
-    faults that it is told from in no recording.
+    ``beside`` are standard errors beside the most similar other fault that a fault is told from,
+    shape (recordings, faults); ``alike`` the faults that it is told from in no recording.
     """
 
-    onset: Array
-    before: Array
+    onset_grams: Array
+    before_grams: Array
     beside: Array
     alike: tuple[tuple[str, ...], ...]
+
+    @property
+    def onset(self) -> Array:
+        """Standard errors of what has an onset, shape (recordings, faults); infinite: unseen."""
+        return _errors(np.einsum("nkk->nk", self.onset_grams))
+
+    @property
+    def before(self) -> Array:
+        """The same of what was there before the recording."""
+        return _errors(np.einsum("nkk->nk", self.before_grams))
 
 
 def visible_sizes(
     law: RunLaw, columns: LawColumns, faults: FaultColumns, runs: Sequence[RunWindows],
-    limit: float, drop_nats: float,
+    limit: float, drop_nats: float, loud: Loudness | None = None,
 ) -> tuple[VisibleSize, ...]:  # fmt: skip
     """Sizes of all faults that half of these recordings show.
 
@@ -84,49 +105,93 @@ def visible_sizes(
     ----------
     limit, drop_nats
         What a fault must exceed no fault by, and another one, nats.
+    loud
+        Of the noise beyond that of the law.
     """
-    errors = size_errors(law, columns, faults, runs)
+    errors = size_errors(law, columns, faults, runs, loud)
     feigned = np.array([(row.begun_sigma, row.claim_sigma or row.sigma) for row in law.feigned])
-    begun, always = feigned.T if len(feigned) else np.zeros((2, 0))
+    begun, always = feigned.T if len(feigned) else np.zeros((2, len(faults)))
+    onsets, befores = (
+        _shown(grams, faults, feigns, limit)
+        for grams, feigns in ((errors.onset_grams, begun), (errors.before_grams, always))
+    )
+    told = np.median(np.hypot(errors.beside, begun), axis=0) * math.sqrt(2.0 * drop_nats)
     found = []
     for k, column in enumerate(faults.columns):
-        sizes = [
-            float(np.median(np.hypot(each[:, k], feigns[k])) * math.sqrt(2.0 * nats))
-            for each, feigns, nats in (
-                (errors.onset, begun, limit), (errors.before, always, limit),
-                (errors.beside, begun, drop_nats),
-            )
-        ]  # fmt: skip
-        onset, before, named = sizes
+        onset, before = float(onsets[k]), float(befores[k])
         largest = max(map(column.reach, column.signs), default=0.0)
         found.append(
-            VisibleSize(column.fault, column.size, column.unit, onset, before, max(named, onset),
-                        largest=largest, alike=errors.alike[k])
+            VisibleSize(column.fault, column.size, column.unit, onset, before,
+                        max(float(told[k]), onset), largest=largest, alike=errors.alike[k])
         )  # fmt: skip
     return tuple(found)
 
 
+def _shown(grams: Array, faults: FaultColumns, feigned: Array, limit: float) -> Array:
+    """Sizes, one at a time, that half of the recordings show, shape (faults,)."""
+    reach = np.array([(c.high - c.low) / math.sqrt(12.0) for c in faults.columns])
+    shown = np.full(len(faults), np.inf)
+    for members in _by_fault(faults).values():
+        block = grams[:, members][:, :, members]
+        guess = _half_shown(block, np.zeros(len(members)), feigned[members], limit)
+        wide = np.where(np.isfinite(guess), WIDE * guess, 0.0)
+        width = np.where(np.isfinite(reach[members]), reach[members], wide)
+        shown[members] = _half_shown(block, width, feigned[members], limit)
+    return shown
+
+
+def _half_shown(grams: Array, reach: Array, feigned: Array, limit: float) -> Array:
+    """Of all recordings the median of each size of one fault, shape (sizes,)."""
+    every = [size_along(grams, reach, feigned, way, limit) for way in np.eye(len(reach))]
+    return np.median(every, axis=1)
+
+
+def size_along(information: Array, reach: Array, feigned: Array, way: Array, limit: float) -> Array:
+    """Size along ``way``, shape (sizes,), at which the expected evidence of a fault is ``limit``.
+
+    Parameters
+    ----------
+    information
+        On the sizes of the fault, shape (..., sizes, sizes).
+    reach, feigned
+        Standard deviations of what they may be, and of what healthy recordings feign, (sizes,).
+
+    Returns
+    -------
+    Shape (...); infinite where nothing shows it.
+    """
+    possible, healthy = (
+        np.eye(len(way)) + scale[:, None] * information * scale for scale in (reach, feigned)
+    )
+    explained = (information * feigned) @ np.linalg.inv(healthy) @ (feigned[:, None] * information)
+    along = way @ (information - explained) @ way
+    spent = 0.5 * (np.linalg.slogdet(possible)[1] - np.linalg.slogdet(healthy)[1])
+    nats = limit + np.maximum(spent, 0.0)
+    return np.where(along > 0.0, np.sqrt(2.0 * nats / np.maximum(along, 1e-300)), np.inf)
+
+
 def size_errors(
-    law: RunLaw, columns: LawColumns, faults: FaultColumns, runs: Sequence[RunWindows]
-) -> SizeErrors:
-    """Standard errors of the sizes of all faults in each recording."""
+    law: RunLaw, columns: LawColumns, faults: FaultColumns, runs: Sequence[RunWindows],
+    loud: Loudness | None = None,
+) -> SizeErrors:  # fmt: skip
+    """What each recording tells of the sizes of all faults."""
     chosen = runs[:: -(-len(runs) // MOST_RUNS)]
-    grams = [(_onset_gram(law, columns, faults, run), information(law, columns, faults, run))
-             for run in chosen]  # fmt: skip
-    onset, before = (np.array([np.diag(each[k]) for each in grams]) for k in (0, 1))
-    beside, alike = _beside(np.array([each[0] for each in grams]), faults)
-    return SizeErrors(_errors(onset), _errors(before), _errors(beside), alike)
-
-
-def _onset_gram(law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows) -> Array:
-    onset = int(BEFORE * len(run))
-    followed = run.part(slice(0, onset + round(FOLLOWED_S / WINDOW_S)))
-    return information(law, columns, faults, followed, onset)
+    ends = [int(BEFORE * len(run)) for run in chosen]
+    onset = np.array(
+        [
+            information(law, columns, faults, run.part(slice(0, end + FOLLOWED)), end, loud)
+            for run, end in zip(chosen, ends, strict=True)
+        ]
+    )
+    before = np.array([information(law, columns, faults, run, 0, loud) for run in chosen])
+    beside, alike = _beside(onset, faults)
+    return SizeErrors(onset, before, _errors(beside), alike)
 
 
 def information(
-    law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows, onset: int = 0
-) -> Array:
+    law: RunLaw, columns: LawColumns, faults: FaultColumns, run: RunWindows, onset: int = 0,
+    loud: Loudness | None = None,
+) -> Array:  # fmt: skip
     """Information on sizes from a window on, what recordings differ by integrated out.
 
     Shape (faults, faults), in 1 over the units of both sizes.
@@ -137,6 +202,8 @@ def information(
     scale = np.where(scale > 0.0, scale, 1.0)
     own = columns.of(run) * scale
     white = law.law_noise.whitened(run, np.concatenate((own, faults.of(run, onset)), axis=-1))
+    if loud is not None:
+        white = replace(white, rows=white.rows / loud(run.signals)[..., None])
     sums, count = RunSums.of(white), len(scale)
     prior = np.linalg.inv(total / scale[:, None] / scale + 1e-12 * np.eye(count))
     mixed = sums.gram[count:, :count]
@@ -150,11 +217,10 @@ def _errors(information: Array) -> Array:
 
 def _beside(grams: Array, faults: FaultColumns) -> tuple[Array, tuple[tuple[str, ...], ...]]:
     """Information beside the most similar other fault, shape (recordings, faults)."""
-    names = [column.fault for column in faults.columns]
-    members = {name: [k for k, n in enumerate(names) if n == name] for name in names}
+    members = _by_fault(faults)
     own = np.einsum("nkk->nk", grams)
     least, alike = own.copy(), []
-    for k, name in enumerate(names):
+    for k, name in enumerate(column.fault for column in faults.columns):
         same = []
         for other, which in members.items():
             if other == name:
@@ -166,6 +232,12 @@ def _beside(grams: Array, faults: FaultColumns) -> tuple[Array, tuple[tuple[str,
                 least[:, k] = np.minimum(least[:, k], np.maximum(left, 0.0))
         alike.append(tuple(same))
     return least, tuple(alike)
+
+
+def _by_fault(faults: FaultColumns) -> dict[str, list[int]]:
+    """Numbers of the columns of each fault."""
+    names = [column.fault for column in faults.columns]
+    return {name: [k for k, n in enumerate(names) if n == name] for name in names}
 
 
 def _explained(block: Array, cross: Array) -> Array:

@@ -24,8 +24,9 @@ import numpy as np
 
 from flea_diag.configuration.description import described
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
-from flea_diag.core.run_law.law_columns import LawColumns, law_columns
+from flea_diag.core.run_law.law_columns import LawColumns, dry_friction, law_columns
 from flea_diag.core.run_law.law_learning import LawFit, acting, learn_law
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import (
@@ -90,9 +91,14 @@ class LawDesign:
     ) -> RunLaw:  # fmt: skip
         """The law with the sizes of faults that it and the limits of the calibration can see."""
         limit = limit_nats(calibration.false_alarms_per_hour, len(self.faults))
-        seen = visible_sizes(fit.law, fit.columns, self.faults, fit.sound, limit, DROP_NATS)
+        effects, relations = self.work.effects(), self.work.relations
+        usual = usual_speed(fit.sound, effects, relations)
+        dry = dry_friction(effects, calibration.parameters, relations)
+        friction = Friction.of(dry, effects, usual)
+        seen = visible_sizes(
+            fit.law, fit.columns, self.faults, fit.sound, limit, DROP_NATS, friction.loudness
+        )
         both = with_limits(seen, calibration, self.work, self.faults, recordings, sharing)
-        usual = usual_speed(fit.sound, self.work.effects(), self.work.relations)
         return replace(fit.law, visible=tuple(both), usual_speed=usual, travel=self.work.travel)
 
 

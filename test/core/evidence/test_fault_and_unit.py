@@ -190,11 +190,11 @@ def test_a_window_that_passes_little_of_the_stroke_says_little() -> None:
     friction, row = Friction(dry, 2, 80.0), np.zeros(2)
     signals = {v: np.tile([1.0, 0.0, v], (2, 1)) for v in (100.0, -20.0, 0.0)}
     made = {v: LawWindow(row, s, s, NO_MOTION, False) for v, s in signals.items()}
-    np.testing.assert_array_equal(friction.loudness(made[100.0]), [1.0, 1.0])
-    np.testing.assert_array_equal(friction.loudness(made[-20.0]), [2.0, 1.0])
-    np.testing.assert_allclose(friction.loudness(made[0.0]), [20.0**0.5, 1.0])
+    np.testing.assert_array_equal(friction.loudness(made[100.0].read), [1.0, 1.0])
+    np.testing.assert_array_equal(friction.loudness(made[-20.0].read), [2.0, 1.0])
+    np.testing.assert_allclose(friction.loudness(made[0.0].read), [20.0**0.5, 1.0])
     unknown = Friction(dry, 2, 0.0)
-    np.testing.assert_array_equal(unknown.loudness(made[0.0]), [1.0, 1.0])
+    np.testing.assert_array_equal(unknown.loudness(made[0.0].read), [1.0, 1.0])
 
 
 def test_an_onset_that_is_put_too_early_makes_no_drift_of_a_bias() -> None:
