@@ -34,6 +34,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -172,13 +173,13 @@ def _weighed(
     ``whole``: they hold all of a fault.
     """
     loud = _marked(told_by, len(part.errors))
-    asked = loud | ~_marked(runs, len(loud))
-    sums = _sums(part, loud)
-    found = posterior(sums, prior)
-    left, shown = _left(part, loud, found.size)
+    found = posterior(_sums(part, loud), prior)
+    parts = _in_parts(part, loud, _of_a_part(prior))
+    size = found.size if whole else parts.largest
+    left, shown = _left(part, loud, size)
     fits = usable & (left < (1.0 - EXPLAINED) * shown)
     which = np.flatnonzero(fits)
-    states = _states(part, which, found.size[which])
+    states = _states(part, which, size[which])
     often = _turns(states) >= LEAST_TIMES
     shows = [
         (k, own)
@@ -187,17 +188,17 @@ def _weighed(
     ]
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
-    nats = marginal_ratio(sums, prior, reaching=True)
-    models = np.array([k for k, _ in shows])
-    parts = _in_parts(part, told_by, _of_a_part(prior).of(models), models)
-    if parts.max() > nats[models].max():  # what the machine hides, it hides of each of them
-        nats[models] = parts
-    least = _stays(part, asked, prior) + APART_NATS
-    kept = [
-        RecurringFault(k, float(nats[k]), found.size[k], found.sigma[k], whole, own)
-        for k, own in shows
-        if nats[k] > least
-    ]
+    quiet = ~_marked(runs, len(loud))
+    beside = max(_stays(part, quiet, prior), 0.0)
+    nats = np.maximum(parts.nats, 0.0).sum(axis=0)  # where it does not show, it is not there
+    kept = []
+    for k, own in shows:
+        there = loud.copy()
+        there[loud] = parts.fits[:, k]
+        # What stays and is no part of the bursts may be there beside what comes and goes as well.
+        stays = max(_stays(part, quiet | there, prior) - beside, 0.0)
+        if parts.nats[parts.fits[:, k], k].sum() > stays + APART_NATS:
+            kept.append(RecurringFault(k, float(nats[k]), size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)
 
 
@@ -232,16 +233,40 @@ def _of_a_part(prior: SizePrior) -> SizePrior:
     return replace(prior, mean=mean, sigma=sigma, low=low, high=high)
 
 
-def _in_parts(part: StreamPart, bursts: Sequence[slice], prior: SizePrior, models: Places) -> Array:
-    """Evidence of these models where each burst holds a part of its own, shape (models,)."""
-    each = [marginal_ratio(_sums(part, burst, models=models), prior) for burst in bursts]
-    return np.asarray(np.sum(each, axis=0))
+class _Parts(NamedTuple):
+    """Of windows of which each holds a part of its own.
+
+    Attributes
+    ----------
+    nats
+        Evidence of each model, shape (n, models).
+    fits
+        Whether it explains most of a window, shape (n, models).
+    largest
+        Size in the window that shows most of it, shape (models, sizes).
+    """
+
+    nats: Array
+    fits: Flags
+    largest: Array
 
 
-def _sums(
-    part: StreamPart, which: Flags | slice, of_unit: bool = False,
-    models: Places | slice = slice(None),
-) -> Sums:  # fmt: skip
+def _in_parts(part: StreamPart, which: Flags, prior: SizePrior) -> _Parts:
+    """Parts of every model in these windows."""
+    errors, faults = part.errors[which], part.faults[which]
+    exact = exact_share(errors)
+    phi = np.moveaxis(faults * exact[..., None], 1, -1)
+    cross = phi @ (errors[..., None] * exact)[:, None]
+    sums = Sums(phi @ np.swapaxes(phi, -1, -2), cross, np.zeros((1, 1)))
+    nats, size = marginal_ratio(sums, prior), posterior(sums, prior).size
+    left = errors[:, None] - np.einsum("nrks,nks->nkr", faults, size)
+    shown = np.square(errors).sum(axis=-1)[:, None]
+    fits = np.square(left).sum(axis=-1) < (1.0 - EXPLAINED) * shown
+    most = np.expand_dims(nats.argmax(axis=0), (0, 2))
+    return _Parts(nats, fits, np.take_along_axis(size, most, axis=0)[0])
+
+
+def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:
     """Sums over these windows, what no model gives exactly counting as noise.
 
     ``of_unit``: with what another unit may differ by.
@@ -250,7 +275,7 @@ def _sums(
     exact, own = exact_share(errors), errors[..., None]
     if of_unit:
         own = np.concatenate((own, part.units[which]), axis=-1)
-    return Sums.of(own * exact, part.faults[which][:, :, models] * exact[..., None])
+    return Sums.of(own * exact, part.faults[which] * exact[..., None])
 
 
 def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:
