@@ -25,7 +25,7 @@ is small nothing is known. Where it is large, ``a`` near 1 is *present* and near
 comes and goes when it has been absent, between times at which it was present, in windows in which
 it would have shown, and when nothing that stays explains the same windows as well: a fault, another
 unit, or both. The windows about the ends of a burst hold some of it, more or less: of what stays
-they say nothing. Of what comes and goes each burst may hold another part.
+they say nothing. Of what comes and goes each window may hold another part.
 """
 
 from __future__ import annotations

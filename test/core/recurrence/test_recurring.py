@@ -94,6 +94,30 @@ def test_another_unit_stays_though_no_fault_looks_like_it() -> None:
     assert found(stream(np.abs(swinging()), np.ones(WINDOWS))) == []
 
 
+def test_what_stays_in_another_relation_hides_nothing() -> None:
+    """A reading is off by a little all the time, which says far more than five bursts do."""
+    noise = np.random.default_rng(3).normal(size=(WINDOWS, 2))
+    errors = noise + np.column_stack((30.0 * there(), np.full(WINDOWS, 1.5)))
+    faults = np.zeros((WINDOWS, 2, 2, 1))
+    faults[:, 1, 0], faults[:, 0, 1] = 1.0, 1.0
+    nothing = np.zeros((WINDOWS, 2, 1))
+    part = StreamPart(errors, faults, nothing, nothing[:, 0], nothing[:, 0])
+    (best,) = found(part)
+    assert best.model == 1
+    assert len(best.comings) == len(CAME)
+
+
+def test_what_follows_a_burst_and_is_no_part_of_it_hides_nothing() -> None:
+    """A controller that makes up for what was lost draws more current for a while."""
+    share = there()
+    for first in CAME:
+        share[first + 4 : first + 10] = -0.5
+    positive = SizePrior(*(np.array([[v], [v]]) for v in (20.0, 20.0 / 3**0.5, 0.0, 40.0)))
+    part = stream(np.ones(WINDOWS), share)
+    (best,) = recurring(part, positive, np.array([False, True]), (-1, -1))
+    assert len(best.comings) == len(CAME)
+
+
 def test_what_is_there_in_one_direction_alone_may_stay() -> None:
     ways = np.where(there() > 0.0, 1.0, -1.0)
     assert found(stream(np.ones(WINDOWS), there(), ways)) == []
