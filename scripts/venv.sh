@@ -97,9 +97,10 @@ install() {
 }
 
 # Compiles what the nodes need, once an installation: the first launch is then as quick as any other.
+# Code is kept by its content in the user's cache: a source tree and the tests take it from there.
 warm_up() {
     [ "$(cat "$venv/.warm" 2>/dev/null)" = "$(cat "$venv/.sources")" ] && return
-    say "compiling ahead (half a minute, after an installation only)"
+    say "compiling ahead what is new (up to half a minute, after an installation only)"
     # From elsewhere, for what is installed is meant and not the sources in this folder.
     (cd / && "$python" -m flea_diag.tools.main warm-up) >&2 || fail "flea warm-up failed"
     cp "$venv/.sources" "$venv/.warm"

@@ -19,6 +19,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -179,8 +180,27 @@ FEW = 20
 """Files of tests that may have been read before all others are: ``scripts/check`` reads one."""
 
 
+def _copy_compiled(kept: Path) -> None:
+    """Let the tests have what this user has compiled already: by its content it is the same."""
+    if find_spec("numba") is None:
+        return
+    from flea_diag.compile_cache import FOLDER, code_folder, is_private
+
+    own, theirs = kept / FOLDER, code_folder()
+    own.mkdir(mode=0o700, exist_ok=True)
+    for index in theirs.glob("*.nbi") if theirs.is_dir() and is_private(theirs) else ():
+        if not (own / index.name).exists():  # which comes last: it names the others
+            for file in (*index.parent.glob(f"{index.stem}.*.nbc"), index):
+                shutil.copy2(file, own)
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Where nothing is compiled yet: what numba compiles begins beside the reading of tests."""
+    if "PYTEST_XDIST_WORKER" not in os.environ and (
+        cache := getattr(session.config, "cache", None)
+    ):
+        _copy_compiled(cache.mkdir("flea_diag"))
+        os.environ["FLEA_CACHE_DIR"] = str(cache.mkdir("flea_diag"))  # while tests are read, too
     compiled_files = len(list(HERE.glob("**/test_*-pytest-*.pyc")))
     is_cold = compiled_files < FEW and not sys.dont_write_bytecode
     if "PYTEST_XDIST_WORKER" in os.environ or not is_cold or find_spec("xdist") is None:
@@ -237,7 +257,7 @@ def newcomer(
     """Nobody has used the project before: no settings, verdicts or alarms of the user's own.
 
     Whatever is started is of this source tree, not of a copy that happens to be installed. Code
-    that is generated, and what numba makes of it, is kept for the next run by its content.
+    that is generated, and what numba compiles, is kept for the next run by its content.
     """
     shared, kept = _of_all_workers(tmp_path_factory), getattr(request.config, "cache", None)
     generated = kept.mkdir("flea_diag") if kept else shared / "cache"

@@ -32,6 +32,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from flea_diag.cache_folder import cache_folder
 from flea_diag.core.backend import library_versions
 from flea_diag.errors import FleaError
 from flea_diag.wire.json_text import parse_json
@@ -48,14 +49,6 @@ MOST_ENTRIES = 64
 ENTRY = re.compile(r"[a-z_]+-[0-9a-f]{32}\.json")
 DIGEST = 64
 """Characters of a SHA-256, which every entry begins with."""
-
-
-def cache_folder() -> Path:
-    """Folder of the entries: ``FLEA_CACHE_DIR``, else of the user's cache (XDG directories)."""
-    named = os.environ.get("FLEA_CACHE_DIR")
-    if named:
-        return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flea_diag"
 
 
 def kept(kind: str, inputs: tuple[str, ...], make: Callable[[], Any]) -> Any:

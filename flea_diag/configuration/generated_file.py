@@ -24,7 +24,8 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from flea_diag.configuration.disk_cache import cache_folder, prune, write_whole
+from flea_diag.cache_folder import cache_folder
+from flea_diag.configuration.disk_cache import prune, write_whole
 from flea_diag.core.symbolic.generated import in_memory
 from flea_diag.errors import FleaError
 from flea_diag.wire.regular_file import read_bytes

@@ -16,9 +16,7 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -26,7 +24,6 @@ from importlib.util import find_spec
 from types import FunctionType
 from typing import Any
 
-from flea_diag.core.compile_cache import guard
 from flea_diag.errors import ConfigurationError
 
 NO_JIT = "NUMBA_DISABLE_JIT"
@@ -120,40 +117,27 @@ def bound(function: Callable[..., Any], **names: Any) -> FunctionType:
     made = FunctionType(function.__code__, scope, function.__name__)
     made.__module__, made.__qualname__ = function.__module__, function.__qualname__
     made.__dict__.update(function.__dict__)  # the source of generated code
-    fixed = {name: value for name, value in names.items() if not callable(value)}
-    if fixed:
-        made.__dict__["constants"] = f"{getattr(function, 'constants', '')}{fixed!r}"
     return made
 
 
 def _compiled(
     options: dict[str, Any], function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]
 ) -> Callable[..., Any]:
-    numba = _numba()
-    from numba.extending import register_jitable
+    _import_numba()
+    from flea_diag import compile_cache
 
-    # Parts are always inlined. As calls they would be symbols, which a program that has just
-    # compiled them may share among functions and one that loads them from disk may not; sums
-    # reordered in different ways differ in their last bits. Nothing else calls them, so they
-    # need no entry for C, which took a tenth of the time to compile.
-    for part in parts:
-        register_jitable(forceinline=True, no_cfunc_wrapper=True, **options)(part)
-    try:
-        made = numba.njit(cache=True, **options)(_named(function, parts))
-        result: Callable[..., Any] = guard(made)
-    except (RuntimeError, OSError):  # nowhere to keep a cache: a read-only installation
-        result = numba.njit(**options)(function)
+    result: Callable[..., Any] = compile_cache.compiled(function, parts, options)
     return result
 
 
 @cache
-def _numba() -> Any:
-    """The library, without a look for what multiplies matrices, which no function here does.
+def _import_numba() -> None:
+    """Import the library, without a look for what multiplies matrices, which no function here does.
 
     It would import ``scipy.linalg`` to know whether that is there, a tenth of a start. A function
     of somebody else that does is compiled as ever: that looks once more.
     """
-    import numba
+    import numba  # noqa: F401
 
     blas = "scipy.linalg.cython_blas"
     if blas not in sys.modules and "numba.np.arraymath" not in sys.modules:
@@ -163,19 +147,3 @@ def _numba() -> Any:
         finally:
             del sys.modules[blas]
         arraymath._HAVE_BLAS = True
-    return numba
-
-
-def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> FunctionType:
-    """The function under a name that contains a digest of its parts' sources, and of constants.
-
-    The cache on disk is keyed by name and checks the function's own file only.
-    """
-    generated = sorted({part.source for part in parts if hasattr(part, "source")})
-    modules = sorted({part.__module__ for part in parts if not hasattr(part, "source")})
-    sources = [*generated, *(inspect.getsource(sys.modules[module]) for module in modules)]
-    constants = [getattr(part, "constants", "") for part in (function, *parts)]
-    digest = zlib.crc32("".join((*sources, *constants)).encode())
-    named = FunctionType(function.__code__, function.__globals__, function.__name__)
-    named.__qualname__ = f"{function.__qualname__}_{digest:08x}"
-    return named

@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -267,16 +268,9 @@ PARTS = (
 @lru_cache(maxsize=1)
 def integrator() -> Callable[..., None]:
     """The integrator, compiled where numba is installed."""
-    try:
-        import numba
-        from numba.extending import register_jitable
-    except ImportError:
+    if find_spec("numba") is None:
         return _integrate
-    for part in PARTS:  # nothing but the integrator calls them: no entry for C
-        register_jitable(forceinline=True, no_cfunc_wrapper=True)(part)
-    compiled: Callable[..., None]
-    try:
-        compiled = numba.njit(cache=True)(_integrate)
-    except RuntimeError:  # a read-only installation cannot store compiled code
-        compiled = numba.njit(_integrate)
+    from flea_diag import compile_cache
+
+    compiled: Callable[..., None] = compile_cache.compiled(_integrate, PARTS, {})
     return compiled

@@ -19,7 +19,6 @@ from __future__ import annotations
 import pytest
 
 from flea_diag.core import backend
-from flea_diag.core.compile_cache import guard
 from flea_diag.errors import ConfigurationError
 
 
@@ -37,5 +36,9 @@ def test_numba_by_name_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         backend.chosen("numba")
 
 
-def test_a_function_that_is_not_compiled_has_no_cache_to_guard() -> None:
-    assert guard(abs) is abs
+def test_a_function_that_is_not_compiled_is_in_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = pytest.importorskip("numba.core.config")
+    from flea_diag import compile_cache
+
+    monkeypatch.setattr(config, "DISABLE_JIT", 1)
+    assert not hasattr(compile_cache.compiled(lambda: 1, (), {}), "_cache")

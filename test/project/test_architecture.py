@@ -52,7 +52,13 @@ SCIENCE = ("numpy", "scipy", "numba", "pywt")
 ROOMS = (
     Room(
         "flea_diag.core",
-        ("flea_diag.core", "flea_diag.fields", "flea_diag.formats", "flea_diag.errors"),
+        (
+            "flea_diag.core",
+            "flea_diag.fields",
+            "flea_diag.formats",
+            "flea_diag.errors",
+            "flea_diag.compile_cache",
+        ),
         SCIENCE,
         pure=True,
     ),
@@ -89,6 +95,8 @@ ROOMS = (
         ("numpy", *BAGS),
     ),
     Room("flea_diag.errors", (), ()),
+    Room("flea_diag.cache_folder", (), ()),
+    Room("flea_diag.compile_cache", ("flea_diag.cache_folder",), ("numba", "llvmlite", "numpy")),
     Room("flea_diag.fields", ("flea_diag.fields", "flea_diag.errors"), (), pure=True),
     Room("flea_diag.formats", ("flea_diag.errors",), (), pure=True),
     Room(
@@ -161,6 +169,7 @@ ROOMS = (
             "flea_diag.formats",
             "flea_diag.fields",
             "flea_diag.errors",
+            "flea_diag.cache_folder",
         ),
         (),
     ),
@@ -173,6 +182,7 @@ ROOMS = (
             "flea_diag.fields",
             "flea_diag.formats",
             "flea_diag.errors",
+            "flea_diag.compile_cache",
         ),
         None,
     ),

@@ -78,7 +78,7 @@ def layout(known: RelationSet) -> SignalLayout:
 def winding_of(known: RelationSet) -> tuple[int, float]:
     """Predicted store that sets the winding's temperature, -1 if none does; the cold value.
 
-    No part of the layout: it is not in the generated source that compiled code is cached by.
+    No part of the layout: stands that differ in nothing else share what is compiled.
     """
     name = next(iter(known.predicted), "")
     stores = [row.name for row in known.predictions]

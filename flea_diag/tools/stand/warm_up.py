@@ -14,8 +14,8 @@
 
 """``flea warm-up``: compiles ahead what nodes and replays need.
 
-numba keeps compiled code on disk and takes it from there only if source file (time of its last
-change, size), numba and processor are the same: it is made where it is used, after installation.
+Compiled code is kept on disk by its content (``compile_cache``) and taken from there only if the
+numeric libraries and the processor are the same: it is made where it is used, after installation.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def test_a_block_of_nothing_tells_nothing(kind, backend):
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="needs numba")
 def test_what_is_compiled_follows_a_change_of_its_parts(tmp_path: Path):
-    """The cache on disk knows the caller's file alone; a part in another must count too."""
+    """A part in another module counts, also where it is named by its module."""
     (tmp_path / "whole.py").write_text("import part\n\ndef whole(x):\n    return part.part(x)\n")
     program = (
         "import part, whole; from flea_diag.core.backend import compiled;"
