@@ -22,8 +22,9 @@ profilers find its lines in the file that a keeper names, or without one in memo
 from __future__ import annotations
 
 import hashlib
+import inspect
 import linecache
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import FunctionType, MappingProxyType
 from typing import Any
 
@@ -89,15 +90,24 @@ def keep_with(keeper: Keeper) -> None:
 def compiled(
     source: str, known: Mapping[str, Any] = MappingProxyType({})
 ) -> Mapping[str, FunctionType]:
-    """Functions of a generated source; each carries it as the attribute ``source``.
+    """Functions of a generated source; each carries its part of it as the attribute ``source``.
 
-    ``known`` are functions that it may call beside those of ``SCOPE``.
+    ``known`` are functions that it may call beside those of ``SCOPE``. A part is the function with
+    those that it calls: what is compiled of them is the same whatever else stands in the source.
     """
     place = _keepers[0](hashlib.sha256(source.encode()).hexdigest(), source)
     scope: dict[str, Any] = {**SCOPE, **known}
     exec(compile(source, place, "exec"), scope)  # text of our own expressions
     own = (name for name in scope if name not in known)
     made = {name: scope[name] for name in own if isinstance(scope[name], FunctionType)}
-    for part in made.values():
-        part.source = source
+    for name, part in made.items():
+        part.source = "".join(_texts(source, name, made))
     return made
+
+
+def _texts(source: str, name: str, made: Mapping[str, FunctionType]) -> Iterator[str]:
+    """The lines of a function, and of those of the same source that it calls."""
+    lines, called = source.splitlines(keepends=True), [name]
+    for each in called:
+        yield "".join(inspect.getblock(lines[made[each].__code__.co_firstlineno - 1 :]))
+        called += [n for n in made[each].__code__.co_names if n in made and n not in called]
