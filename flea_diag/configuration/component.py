@@ -26,6 +26,7 @@ from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
 from flea_diag.configuration.stand_parameters import StandParameters, stand_of
 from flea_diag.core.backend import compiling
+from flea_diag.core.evidence.marginal_ratio import try_out_share
 from flea_diag.core.vibration.block_moments import try_out_moments
 from flea_diag.core.vibration.features import try_out
 from flea_diag.errors import ConfigurationError
@@ -189,6 +190,8 @@ class Component(Generic[P]):
             try_out(table.features, table.nominal.rate_hz)
             try_out_moments()
         calibration = learned(stand)
+        if calibration.law is not None:
+            try_out_share()
         channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
         for number in range(WARM_UP_SCANS):
             values = tuple(1e-3 * number * column for column in range(1, len(channels) + 1))

@@ -25,6 +25,7 @@ from __future__ import annotations
 import itertools
 import time
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from typing import Any
 
 from flea_diag.stages.digest import DECISIONS, digest
@@ -47,6 +48,8 @@ from support.live import LIMIT_S, Peer
 SOURCES = (ChannelTable, VibrationBlock, Scan)
 IN_FLIGHT = 50
 """Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
+ANSWER_S = 1.0
+"""An introduction that is not answered by then was sent before somebody knew of us."""
 TICK_NS = 10_000_000
 HOUR_NS = 3_600_000_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -84,8 +87,7 @@ class Flight:
     def __init__(self, peer: Peer, hearing: tuple[type, ...] = SOURCES) -> None:
         self._peer = peer
         self._bus = peer.bus
-        self._flights = itertools.count(1)
-        self._introduced = itertools.count(1)
+        self._flown = 0
         self._first_ns = self._last_ns = self._answered_ns = 0
         peer.listen(DataQuality, Hypotheses, *DECISIONS)
         # We hear what nodes tell each other, too: the other one is the node.
@@ -99,15 +101,20 @@ class Flight:
     def introduce(self, scan: Scan) -> None:
         """Send this scan, later than any flight, until the last stage says what it sees.
 
-        Nodes that we hear need not hear each other yet.
+        Nodes that we hear need not hear us or each other yet: what nobody answers is sent anew.
+        Only before the first flight. After one, a scan that is an hour ahead of it is a single
+        wrong stamp to the observer, which passes it over, and nobody would ever answer.
         """
-        for number in self._introduced:
+        assert not self._flown, "the nodes know each other since the first flight"
+        end_s = time.monotonic() + LIMIT_S
+        for number in itertools.count(1):
             sent = replace(scan, stamp_ns=START_NS + number * TICK_NS)
             self._expect(sent.stamp_ns, sent.stamp_ns)
             self._bus.publish(sent)
-            self._answered(sent)
+            self._bus.wait_until(partial(self._has_answered, sent), ANSWER_S)
             if any(isinstance(record, AmbiguityGroup) for record in self._peer.records):
                 return
+            assert time.monotonic() < end_s, f"{number} scans, and no verdict on any"
 
     def fly(self, records: list[Record], rate: float | None = None) -> list[Record]:
         """Send the records; the scans with all that was decided on them.
@@ -120,7 +127,8 @@ class Flight:
             Times real time; as fast as they are answered where it is None.
         """
         first_ns = next(record.stamp_ns for record in records if isinstance(record, Scan))
-        away_ns = START_NS - next(self._flights) * HOUR_NS - first_ns
+        self._flown += 1
+        away_ns = START_NS - self._flown * HOUR_NS - first_ns
         flown = [moved(record, away_ns) for record in records]
         scans = [record for record in flown if isinstance(record, Scan)]
         self._peer.records.clear()
@@ -153,7 +161,10 @@ class Flight:
         self._peer.until(lambda: time.monotonic() >= due_s)
 
     def _answered(self, scan: Scan) -> None:
-        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns)
+        self._peer.until(partial(self._has_answered, scan))
+
+    def _has_answered(self, scan: Scan) -> bool:
+        return self._answered_ns >= scan.stamp_ns
 
     def _said(self) -> list[Record]:
         """What was said of it, each verdict with its hypotheses."""

@@ -67,9 +67,17 @@ HAVE_NUMBA = importlib.util.find_spec("numba") is not None
 BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
 
 
-@cache
 def recording(scans: int = 1200, seed: int = 0, friction: float = 50.0) -> np.ndarray:
-    """Rows of readings: Newton, Ohm and heat by steps of 0.1 ms, readings averaged or at the end.
+    """Rows of readings, a copy for each who asks.
+
+    Those of a stand may be written to as well: for rows that are only read, numba compiles anew.
+    """
+    return _recorded(scans, seed, friction).copy()
+
+
+@cache
+def _recorded(scans: int, seed: int, friction: float) -> np.ndarray:
+    """Newton, Ohm and heat by steps of 0.1 ms, readings averaged or at the end.
 
     The voltage is what a position loop would give, the load a sine.
     """
@@ -101,5 +109,4 @@ def recording(scans: int = 1200, seed: int = 0, friction: float = 50.0) -> np.nd
             "ambient_temperature": 24.0,
         }
         rows[k, [FLEA.index[name] for name in given]] = list(given.values())
-    rows.setflags(write=False)
     return rows

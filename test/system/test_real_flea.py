@@ -21,6 +21,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from support import in_turn
 from support.places import FLEA
 
 from flea_diag.configuration import calibrations
@@ -45,7 +46,12 @@ from flea_diag.wire.records import AmbiguityGroup, DataQuality, Detection, Outco
 FILES = sorted(FLEA.glob("*_Low.data"))
 NOMINAL = [file for file in FILES if "_Nominal_" in file.name]
 LEARNED, FRESH = NOMINAL[::2], NOMINAL[1::2]
-REPLAYED = FRESH + [file for file in FILES if file not in NOMINAL]
+OF_KIND = {
+    kind: [f for f in FILES if f"_{kind}_" in f.name] for kind in ("Spall", "Jam", "Position")
+}
+OF_KIND["Nominal"] = FRESH
+REPLAYED = {kind: in_turn(files) for kind, files in OF_KIND.items()}
+"""Recordings of one kind differ by their motion alone, and go the same way through the code."""
 
 pytestmark = pytest.mark.skipif(
     not FILES, reason=f"needs the FLEA recordings: none in {FLEA}, set FLEA_DATA_DIR"
@@ -117,13 +123,12 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(calibrated: Path) -> dict[Path, Diagnosis]:
-    return {file: replay(calibrated, file) for file in REPLAYED}
+    return {file: replay(calibrated, file) for files in REPLAYED.values() for file in files}
 
 
 def of_kind(found: dict[Path, Diagnosis], kind: str, count: int) -> list[tuple[str, Diagnosis]]:
-    rows = [(file.name, row) for file, row in found.items() if f"_{kind}_" in file.name]
-    assert len(rows) == count
-    return rows
+    assert len(OF_KIND[kind]) == count
+    return [(file.name, found[file]) for file in REPLAYED[kind]]
 
 
 def test_the_parameters_are_those_of_the_nominal_unit(calibrated: Path) -> None:
@@ -167,9 +172,7 @@ def test_every_jam_is_detected_and_isolated(found: dict[Path, Diagnosis]) -> Non
 
 
 def test_every_position_fault_is_isolated_to_its_sensor(found: dict[Path, Diagnosis]) -> None:
-    rows = [(file.name, row) for file, row in found.items() if "_Position_" in file.name]
-    assert len(rows) == 5
-    for name, row in rows:
+    for name, row in of_kind(found, "Position", 5):
         assert row.episodes >= 1, name
         assert row.group, name
         assert all(fault.startswith("actuator_position_") for fault in row.group), name

@@ -175,9 +175,8 @@ def test_separate_nodes_decide_the_same(domain: int, replayed: Summaries) -> Non
             running.enter_context(Process(node(part, *told), domain))
         flight = Flight(running.enter_context(Peer(domain)), BETWEEN_NODES)
         records = sources(FEATURE)
-        scan = next(record for record in records if isinstance(record, Scan))
+        flight.introduce(next(record for record in records if isinstance(record, Scan)))
         for _ in range(FLIGHTS):
-            flight.introduce(scan)
             flown = flight.fly(records, RATE)
             if digest(flown) == replayed[FEATURE]["digest"]:
                 break

@@ -283,7 +283,7 @@ def replayed(records: Sequence[Record]) -> list[AmbiguityGroup]:
     return [record for record in said if isinstance(record, AmbiguityGroup)]
 
 
-@pytest.mark.parametrize("name", in_turn([name for name in ROWS if name not in LIVE], 2))
+@pytest.mark.parametrize("name", in_turn([name for name in ROWS if name not in LIVE]))
 def test_the_right_answer_replayed(name: str) -> None:
     row = ROWS[name]
     run = row.change(run_of(row.unit, LENGTH_S))

@@ -135,6 +135,11 @@ def _cut(mean: Array, covariance: Array, prior: SizePrior) -> Array:
     return np.asarray((after - before).sum(axis=-1))
 
 
+def try_out_share() -> None:
+    """Load what it needs, so that the first fault is not told later by it, nor a pause seen."""
+    _share(np.array(-1.0), np.array(1.0))
+
+
 @lru_cache(maxsize=16)
 def _bounds(prior: SizePrior) -> tuple[Array, Array, Array]:
     """Bounds in prior standard deviations from the mean, and the log share within them."""

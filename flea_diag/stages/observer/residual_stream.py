@@ -49,6 +49,7 @@ from flea_diag.stages.observer.supply_band import SupplyBands
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, RunWatch, WarmUp
 from flea_diag.stages.stream.last_readings import LastReadings
+from flea_diag.stages.stream.stream_order import AHEAD_NS
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -213,7 +214,8 @@ class ResidualStream:
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0:
             self.ledger.lose(lost)
-            self._lose(before_ns, lost, frozen)
+            known = min(lost, AHEAD_NS // self._period_ns)
+            self._lose(before_ns + (lost - known) * self._period_ns, known, frozen)
         refused = None
         if self._sensors.withholds or given is not raw:
             self._voltage.withhold(given, rows)
@@ -227,7 +229,11 @@ class ResidualStream:
         return output
 
     def _lose(self, before_ns: int, count: int, frozen: bool) -> None:
-        """Take lost scans as scans without a reading, of which no record is made."""
+        """Take lost scans as scans without a reading, of which no record is made.
+
+        Of a pause so long that the clock may have been set only the last ones: how many there were
+        is not known, the filters begin anew, and to take those of a night would take minutes.
+        """
         stamps_ns = before_ns + np.arange(1, count + 1) * self._period_ns
         rows, sensors = (
             np.full((count, width), np.nan) for width in (self._width, len(self._sensors.k))

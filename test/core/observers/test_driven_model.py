@@ -23,12 +23,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.models import hand_driven_model as hand
+from support.models import linear_ema as ema
 from support.models.linear_actuator import PERIOD
 from support.observed import flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.driven_model import DrivenModel, step_parts
+from flea_diag.core.observers.observer_loops import observe_of
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.driven_equations import driven_equations
 
@@ -178,3 +180,11 @@ def test_warm_winding_carries_less_current() -> None:
     # Copper: 0.393 % per kelvin.
     assert 1.0 / warm.H[0, 0] == pytest.approx(2.95 * 1.1965)
     assert warm.voltage_v(1.7) == pytest.approx(1.5 + 2.95 * 1.1965 * 2.0)
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_description_is_compiled_once_whatever_channels_are_there() -> None:
+    """What the loops call is its friction and its heat; they take a quarter of a minute."""
+    several = (compiled_relations("actuator.yaml", channels) for channels in (None, ema.STAND))
+    one, other = (observe_of(driven_equations(r, r.residuals)) for r in several)
+    assert one.py_func.__qualname__ == other.py_func.__qualname__

@@ -18,9 +18,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from support import in_turn
 from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
@@ -147,19 +149,19 @@ def test_healthy_channels_that_lack_readings_are_quiet(limits, how) -> None:
         assert called(limits, lacking(healthy(seed), how)) == {}
 
 
+FAULTS = {
+    "actuator_position_noise": (1, lambda v: v + louder(len(v))),
+    "actuator_position_stuck": (1, lambda v: np.full(len(v), v[0])),
+    "motor_speed_dropout": (0, lambda v: v * (np.arange(len(v)) % 60 >= 10)),
+    "actuator_position": (1, lambda v: v + 8e-3),
+}
+"""What a test sees -> the channel, and what is wrong with its readings."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("how", LOST)
-@pytest.mark.parametrize(
-    ("name", "column", "spoil"),
-    [
-        ("actuator_position_noise", 1, lambda v: v + louder(len(v))),
-        ("actuator_position_stuck", 1, lambda v: np.full(len(v), v[0])),
-        ("motor_speed_dropout", 0, lambda v: v * (np.arange(len(v)) % 60 >= 10)),
-        ("actuator_position", 1, lambda v: v + 8e-3),
-    ],
-)  # fmt: skip
-def test_a_fault_shows_though_readings_are_missing(limits, how, name, column, spoil) -> None:
-    rows = healthy(30)
+@pytest.mark.parametrize(("name", "how"), in_turn(list(product(FAULTS, LOST))))
+def test_a_fault_shows_though_readings_are_missing(limits, name, how) -> None:
+    rows, (column, spoil) = healthy(30), FAULTS[name]
     rows[1520:, column] = spoil(rows[1520:, column])
     assert 1520 <= called(limits, lacking(rows, how))[name] < 2500
 
@@ -177,7 +179,7 @@ def spoilt(how: str | float) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("how", "rested"), [("half", True), (0.1, False), (0.3, True)])
+@pytest.mark.parametrize(("how", "rested"), in_turn([("half", True), (0.1, False), (0.3, True)], 3))
 def test_blocks_and_both_backends_give_the_same_bits(limits, how, rested) -> None:
     pytest.importorskip("numba")
     known = [replace(limit, rested=rested) for limit in limits]

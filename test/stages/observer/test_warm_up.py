@@ -12,9 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Offsets of this unit, learned in the warm-up."""
+"""Offsets of this unit, learned in the warm-up, and what a node loads before its own."""
 
 from __future__ import annotations
+
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -52,3 +55,16 @@ def test_the_scan_that_ends_the_warm_up_comes_alone():
     assert warm_up.leading(stamps_ns) == 2  # the warm-up ends 7 s after zero
     assert warm_up.leading(stamps_ns[2:]) == 0
     assert warm_up.leading(stamps_ns[:2]) == 2
+
+
+@pytest.mark.slow
+def test_the_first_shift_seen_by_a_node_does_not_wait_for_imports() -> None:
+    """Under load they took so long that the isolator called the source silent meanwhile."""
+    code = (
+        "import sys\n"
+        "from flea_diag.configuration.component import OBSERVER\n"
+        "assert 'scipy.special' not in sys.modules\n"
+        "OBSERVER.warm_up(OBSERVER.parameters())\n"
+        "assert 'scipy.special' in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

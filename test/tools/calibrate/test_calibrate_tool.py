@@ -269,17 +269,18 @@ def test_bags_of_another_actuator_than_described_are_refused(two, tmp_path, caps
 def test_a_recording_with_a_fault_in_it_is_named_and_left_out(bags, tmp_path, capsys):
     drag = ema.run(ema.HEALTHY, 24.0, faulty=ema.changed(coulomb=200.0), onset_s=12.0)
     odd, target = bag(tmp_path / "dragging", ema.noisy(drag, 9)), tmp_path / "out.yaml"
-    assert main(["calibrate", *map(str, bags), str(odd), "-o", str(target)]) == IN_PART
+    sound = bags[:4]  # enough to tell who is odd
+    assert main(["calibrate", *map(str, sound), str(odd), "-o", str(target)]) == IN_PART
     told = capsys.readouterr()
     assert re.search(
         r"dragging: left out: \w+, mean of \d+ reaches [\d.]+ times the limit", told.err
     )
     calibration = load_calibration(target)
     assert [row.recording for row in calibration.left_out] == ["dragging"]
-    assert calibration.sources == tuple(path.name for path in bags)
-    assert calibration.out_of_sample.recordings == len(bags)
+    assert calibration.sources == tuple(path.name for path in sound)
+    assert calibration.out_of_sample.recordings == len(sound)
     assert calibration.promise.alarms == calibration.out_of_sample.alarms == 0
-    assert "judged without themselves, 6 recordings reach at most" in told.out
+    assert "judged without themselves, 4 recordings reach at most" in told.out
 
 
 def test_a_calibration_says_which_description_it_was_made_with(made):
