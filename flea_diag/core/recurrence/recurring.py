@@ -173,7 +173,8 @@ def _weighed(
     ``whole``: they hold all of a fault.
     """
     loud = _marked(told_by, len(part.errors))
-    found = posterior(_sums(part, loud), prior)
+    sums = _sums(part, loud)
+    found = posterior(sums, prior)
     parts = _in_parts(part, loud, _of_a_part(prior))
     size = found.size if whole else parts.largest
     left, shown = _left(part, loud, size)
@@ -188,18 +189,41 @@ def _weighed(
     ]
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
+    form = _form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
     quiet = ~_marked(runs, len(loud))
     beside = max(_stays(part, quiet, prior), 0.0)
-    nats = np.maximum(parts.nats, 0.0).sum(axis=0)  # where it does not show, it is not there
     kept = []
     for k, own in shows:
         there = loud.copy()
-        there[loud] = parts.fits[:, k]
+        there[loud] = form.fits[:, k]
         # What stays and is no part of the bursts may be there beside what comes and goes as well.
         stays = max(_stays(part, quiet | there, prior) - beside, 0.0)
-        if parts.nats[parts.fits[:, k], k].sum() > stays + APART_NATS:
-            kept.append(RecurringFault(k, float(nats[k]), size[k], found.sigma[k], whole, own))
+        if form.told[k] > stays + APART_NATS:
+            nats = float(form.nats[k])
+            kept.append(RecurringFault(k, nats, size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)
+
+
+class _Form(NamedTuple):
+    """Evidence of models that are all weighed in one form, shape (models,).
+
+    ``told`` is that of the windows, shape (n, models), which each ``fits``.
+    """
+
+    nats: Array
+    told: Array
+    fits: Flags
+
+
+def _form(nats: Array, parts: _Parts, models: Sequence[int]) -> _Form:
+    """One size in all windows or parts, whichever explains more of the best of these models.
+
+    What the machine hides, it hides of each of them.
+    """
+    in_parts = np.maximum(parts.nats, 0.0).sum(axis=0)  # where it does not show, it is not there
+    if in_parts[models].max() > nats[models].max():
+        return _Form(in_parts, (parts.nats * parts.fits).sum(axis=0), parts.fits)
+    return _Form(nats, nats, np.ones_like(parts.fits))
 
 
 def _marked(runs: Sequence[slice], count: int) -> Flags:
