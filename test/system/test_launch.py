@@ -157,7 +157,7 @@ def test_a_replay_with_separate_nodes_ends_by_itself(domain: int, prefix: str) -
     )
     with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
         assert process.end() == 0, process.output
-    assert "ISOLATED: the fault is jam" in process.output
+    assert "ISOLATED: the fault is jam" in process.output, process.output
     assert "records played" in process.output
 
 
