@@ -57,8 +57,9 @@ SHOWS = 6.0
 """Standard deviations that a fault must add to a window for its presence to be known there."""
 ABSENT = 0.35
 """Share of a fault up to which it is absent."""
-LEAST_TIMES = 3
-"""Times that a fault must have come, and gone: what came twice may be two things."""
+LEAST_TIMES = 4
+"""Times that a fault must have come, and gone: after one of 300 healthy switches to another unit a
+relation was far out three times."""
 EXPLAINED = 0.5
 """Share of the squares of all bursts that a fault must explain."""
 ONE_WAY = 0.95

@@ -123,9 +123,9 @@ def test_what_is_there_in_one_direction_alone_may_stay() -> None:
     assert found(stream(np.ones(WINDOWS), there(), ways)) == []
 
 
-def test_twice_is_not_enough() -> None:
+def test_three_times_are_not_enough() -> None:
     share = there()
-    share[CAME[2] :] = 0.0
+    share[CAME[3] :] = 0.0
     assert found(stream(np.ones(WINDOWS), share)) == []
 
 
