@@ -35,7 +35,7 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba.core import config, types
+from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.sigutils import normalize_signature
 from numba.extending import register_jitable
@@ -211,7 +211,7 @@ class _ContentCache(FunctionCache):  # type: ignore[misc]
 
 
 def _fields(kind: Any) -> tuple[Any, ...]:
-    if not isinstance(kind, types.BaseTuple):
+    if not isinstance(kind, numba.types.BaseTuple):
         return ()
     return (getattr(kind, "fields", ()), *map(_fields, kind))
 
