@@ -199,8 +199,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if "PYTEST_XDIST_WORKER" not in os.environ and (
         cache := getattr(session.config, "cache", None)
     ):
-        _copy_compiled(cache.mkdir("flea_diag"))
-        os.environ["FLEA_CACHE_DIR"] = str(cache.mkdir("flea_diag"))  # while tests are read, too
+        generated = cache.mkdir("flea_diag")
+        _copy_compiled(generated)
+        os.environ["FLEA_CACHE_DIR"] = str(generated)  # while tests are read, too
     compiled_files = len(list(HERE.glob("**/test_*-pytest-*.pyc")))
     is_cold = compiled_files < FEW and not sys.dont_write_bytecode
     if "PYTEST_XDIST_WORKER" in os.environ or not is_cold or find_spec("xdist") is None:

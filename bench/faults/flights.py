@@ -56,7 +56,12 @@ from flea_diag.core.run_law.fault_columns import FaultColumns, fault_columns
 from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
 from flea_diag.core.run_law.run_windows import WINDOW_S, signal_names
-from flea_diag.core.run_law.visible_sizes import WIDE, information, limit_nats, size_along
+from flea_diag.core.run_law.visible_sizes import (
+    information,
+    limit_nats,
+    possible_sizes,
+    size_along,
+)
 from flea_diag.tools.calibrate.law_windows import WindowItem, WindowWork
 from flea_diag.tools.calibrate.limit_sizes import LimitWork
 from flea_diag.tools.campaign.case import Case, Recipe
@@ -210,12 +215,10 @@ class Bounds:
         assert way.any(), (fault, [c.size for c in columns if c.fault == fault])
         own = [k for k, column in enumerate(columns) if column.fault == fault]
         shown = {(row.fault, row.size): row.onset for row in self._law.visible}
-        reach = [(c.high - c.low) / math.sqrt(12.0) for c in columns]
-        wide = [WIDE * shown[c.fault, c.size] if math.isinf(r) else r
-                for c, r in zip(columns, reach, strict=True)]  # fmt: skip
+        reach = possible_sizes(self._faults, np.array([shown[c.fault, c.size] for c in columns]))
         feigned = np.array([row.begun_sigma for row in self._law.feigned])
-        block, scale = held[np.ix_(own, own)], np.array(wide)[own]
-        bound = float(size_along(block, scale, feigned[own], way[own], limit))
+        block = held[np.ix_(own, own)]
+        bound = float(size_along(block, reach[own], feigned[own], way[own], limit))
         with np.errstate(divide="ignore"):
             by_tests = np.where(way != 0.0, by_limits / np.abs(way), np.inf)
         return bound, float(by_tests.min())

@@ -30,11 +30,8 @@ they say nothing. Of what comes and goes each window may hold another part.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +42,8 @@ from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio, posteri
 from flea_diag.core.evidence.white_stream import exact_share
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.recurrence.parts import EXPLAINED, in_one_form, in_parts, of_a_part
+from flea_diag.core.recurrence.stream_part import StreamPart
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -60,8 +59,6 @@ ABSENT = 0.35
 LEAST_TIMES = 4
 """Times that a fault must have come, and gone: after one of 300 healthy switches to another unit a
 relation was far out three times."""
-EXPLAINED = 0.5
-"""Share of the squares of all bursts that a fault must explain."""
 ONE_WAY = 0.95
 """Share of windows of either state in one direction from which on direction explains it."""
 USUAL = 0.95
@@ -69,36 +66,6 @@ USUAL = 0.95
 APART_NATS = 50.0
 """By how much a fault that comes and goes must be ahead of all that stays: where no model is exact,
 parts in single windows fit better than what stays, by 33 in a real jam."""
-
-
-@dataclass(frozen=True, eq=False)
-class StreamPart(Frozen):
-    """Windows of a stream since something was first far out.
-
-    Attributes
-    ----------
-    errors
-        See ``WindowRow``, shape (n, relations).
-    faults
-        Shape (n, relations, models, sizes).
-    units
-        What another unit adds, shape (n, relations, differences).
-    ways
-        Directions of motion and of the load, -1, 0 or 1, shape (n, signals).
-    jumps
-        By how much each reading has jumped at most, shape (n, readings).
-    """
-
-    errors: Array
-    faults: Array
-    units: Array
-    ways: Array
-    jumps: Array
-
-    @cached_property
-    def far(self) -> Array:
-        """Standard deviations that the farthest relation is out, shape (n,)."""
-        return np.asarray(np.abs(self.errors).max(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +130,7 @@ def recurring(
             return found
     peaks = (run.start + int(part.far[run].argmax()) for run in runs if run.stop - run.start <= 3)
     told_by = [*inner, *(slice(peak, peak + 1) for peak in peaks)]
-    return _weighed(part, runs, told_by, _of_a_part(prior), usable, reading, whole=False)
+    return _weighed(part, runs, told_by, of_a_part(prior), usable, reading, whole=False)
 
 
 def _weighed(
@@ -177,8 +144,8 @@ def _weighed(
     loud = _marked(told_by, len(part.errors))
     sums = _sums(part, loud)
     found = posterior(sums, prior)
-    parts = _in_parts(part, loud, _of_a_part(prior))
-    size = found.size if whole else parts.largest
+    parts = None if whole else in_parts(part, loud, prior)
+    size = found.size if parts is None else parts.largest
     left, shown = _left(part, loud, size)
     fits = usable & (left < (1.0 - EXPLAINED) * shown)
     which = np.flatnonzero(fits)
@@ -191,7 +158,9 @@ def _weighed(
     ]
     if not shows:  # its evidence is asked last: most do not come and go, and what stays takes all
         return []
-    form = _form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
+    if parts is None:
+        parts = in_parts(part, loud, of_a_part(prior))
+    form = in_one_form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
     quiet = ~_marked(runs, len(loud))
     # What stays and is no part of the bursts may be there beside what comes and goes as well.
     beside = max(_stays(part, quiet, prior), 0.0)
@@ -204,28 +173,6 @@ def _weighed(
             nats = float(form.nats[k])
             kept.append(RecurringFault(k, nats, size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)
-
-
-class _InOneForm(NamedTuple):
-    """Evidence of models that are all weighed in one form, shape (models,).
-
-    ``told`` is that of the windows, shape (n, models), which each ``fits``.
-    """
-
-    nats: Array
-    told: Array
-    fits: Flags
-
-
-def _form(nats: Array, parts: _Parts, models: Sequence[int]) -> _InOneForm:
-    """One size in all windows or parts, whichever explains more of the best of these models.
-
-    What the machine hides, it hides of each of them.
-    """
-    in_parts = np.maximum(parts.nats, 0.0).sum(axis=0)  # where it does not show, it is not there
-    if in_parts[models].max() > nats[models].max():
-        return _InOneForm(in_parts, (parts.nats * parts.fits).sum(axis=0), parts.fits)
-    return _InOneForm(nats, nats, np.ones_like(parts.fits))
 
 
 def _marked(runs: Sequence[slice], count: int) -> Flags:
@@ -241,55 +188,6 @@ def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> float:
     alone, both = (_sums(part, which, of_unit) for of_unit in (False, True))
     faults, with_unit = (marginal_ratio(s, prior, reaching=True).max() for s in (alone, both))
     return float(max(faults, other_unit(both.own, 1) + max(with_unit, 0.0)))
-
-
-@lru_cache(maxsize=16)
-def _of_a_part(prior: SizePrior) -> SizePrior:
-    """Sizes of which a part is there: of any that a fault may have, and none.
-
-    The windows about an end of a burst hold part of it, and where most bursts are no longer than
-    that, a part is all that shows. What a machine does in motion hides more: without a supply it
-    coasts, and its back-EMF stands at the terminals as if nothing were lost.
-    """
-    low, high = np.minimum(prior.low, 0.0), np.maximum(prior.high, 0.0)
-    bounded = np.isfinite(low) & np.isfinite(high)
-    span = np.where(bounded, high - low, 0.0)
-    mean = np.where(bounded, np.where(bounded, low, 0.0) + 0.5 * span, prior.mean)
-    sigma = np.where(bounded, span / math.sqrt(12.0), prior.sigma)
-    return replace(prior, mean=mean, sigma=sigma, low=low, high=high)
-
-
-class _Parts(NamedTuple):
-    """Of windows of which each holds a part of its own.
-
-    Attributes
-    ----------
-    nats
-        Evidence of each model, shape (n, models).
-    fits
-        Whether it explains most of a window, shape (n, models).
-    largest
-        Size in the window that shows most of it, shape (models, sizes).
-    """
-
-    nats: Array
-    fits: Flags
-    largest: Array
-
-
-def _in_parts(part: StreamPart, which: Flags, prior: SizePrior) -> _Parts:
-    """Parts of every model in these windows."""
-    errors, faults = part.errors[which], part.faults[which]
-    exact = exact_share(errors)
-    phi = np.moveaxis(faults * exact[..., None], 1, -1)
-    cross = phi @ (errors[..., None] * exact)[:, None]
-    sums = Sums(phi @ np.swapaxes(phi, -1, -2), cross, np.zeros((1, 1)))
-    nats, size = marginal_ratio(sums, prior), posterior(sums, prior).size
-    left = errors[:, None] - np.einsum("nrks,nks->nkr", faults, size)
-    shown = np.square(errors).sum(axis=-1)[:, None]
-    fits = np.square(left).sum(axis=-1) < (1.0 - EXPLAINED) * shown
-    most = np.expand_dims(nats.argmax(axis=0), (0, 2))
-    return _Parts(nats, fits, np.take_along_axis(size, most, axis=0)[0])
 
 
 def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
-from flea_diag.core.recurrence.recurring import StreamPart
+from flea_diag.core.recurrence.stream_part import StreamPart
 from flea_diag.core.recurrence.stream_rows import WindowRows
 
 Array = npt.NDArray[np.float64]

@@ -129,21 +129,31 @@ def visible_sizes(
 
 def _shown(grams: Array, faults: FaultColumns, feigned: Array, limit: float) -> Array:
     """Sizes, one at a time, that half of the recordings show, shape (faults,)."""
-    reach = np.array([(c.high - c.low) / math.sqrt(12.0) for c in faults.columns])
+    guess = _half_shown(grams, faults, np.zeros(len(faults)), feigned, limit)
+    return _half_shown(grams, faults, possible_sizes(faults, guess), feigned, limit)
+
+
+def _half_shown(
+    grams: Array, faults: FaultColumns, reach: Array, feigned: Array, limit: float
+) -> Array:
+    """The same by what sizes may be: of all recordings the median."""
     shown = np.full(len(faults), np.inf)
     for members in _by_fault(faults).values():
         block = grams[:, members][:, :, members]
-        guess = _half_shown(block, np.zeros(len(members)), feigned[members], limit)
-        wide = np.where(np.isfinite(guess), WIDE * guess, 0.0)
-        width = np.where(np.isfinite(reach[members]), reach[members], wide)
-        shown[members] = _half_shown(block, width, feigned[members], limit)
+        every = [size_along(block, reach[members], feigned[members], way, limit)
+                 for way in np.eye(len(members))]  # fmt: skip
+        shown[members] = np.median(every, axis=1)
     return shown
 
 
-def _half_shown(grams: Array, reach: Array, feigned: Array, limit: float) -> Array:
-    """Of all recordings the median of each size of one fault, shape (sizes,)."""
-    every = [size_along(grams, reach, feigned, way, limit) for way in np.eye(len(reach))]
-    return np.median(every, axis=1)
+def possible_sizes(faults: FaultColumns, shown: Array) -> Array:
+    """Standard deviations of what sizes may be a priori, shape (faults,).
+
+    ``shown``: those that half of the recordings show, shape (faults,), for what has no bound.
+    """
+    span = np.array([column.high - column.low for column in faults.columns]) / math.sqrt(12.0)
+    wide = np.where(np.isfinite(shown), WIDE * shown, 0.0)
+    return np.where(np.isfinite(span), span, wide)
 
 
 def size_along(information: Array, reach: Array, feigned: Array, way: Array, limit: float) -> Array:

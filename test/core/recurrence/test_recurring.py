@@ -24,7 +24,8 @@ import pytest
 
 from flea_diag.core.evidence.fault_signatures import SizePrior
 from flea_diag.core.recurrence.occurrence import gathered, rhythm
-from flea_diag.core.recurrence.recurring import RecurringFault, StreamPart, recurring
+from flea_diag.core.recurrence.recurring import RecurringFault, recurring
+from flea_diag.core.recurrence.stream_part import StreamPart
 
 Array = npt.NDArray[np.float64]
 
