@@ -17,8 +17,8 @@
     bench/results/decisions.py           compare with what is kept, and say what changed
     bench/results/decisions.py --keep    keep the decisions of now, after reading what changed
 
-Every second nominal recording of the FLEA calibrates; the others and all faulty ones are
-diagnosed as a user would, by the commands. A change is no error: it is there to be read.
+Every second nominal recording of a stand calibrates; the others and the faulty ones are diagnosed
+as a user would, by the commands. A change is no error: it is there to be read.
 """
 
 from __future__ import annotations
@@ -33,7 +33,15 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-KEPT = ROOT / "test" / "expected_decisions" / "real" / "flea.json"
+KEPT = ROOT / "test" / "expected_decisions" / "real"
+RECORDED = {
+    "flea": ("*_Nominal_*", ("*_Low.data",)),
+    "cranfield": (
+        "normal_*",
+        ("normal.csv.gz", "lackLubrication1.csv.gz", "backlash2.csv.gz", "spalling8.csv.gz"),
+    ),
+}
+"""Of each stand which of its recordings are nominal, and its files."""
 SHARED = ("-j", "2")
 """Two processes share the work; the results are the same."""
 OF_A_RUN = ("bag", "outcome", "ambiguity_group", "decision_digest", "backend")
@@ -49,19 +57,15 @@ def flea(*words: str | Path, statuses: tuple[int, ...] = (0,)) -> str:
     return done.stdout
 
 
-def decided(files: list[Path], folder: Path) -> list[dict[str, Any]]:
-    """What is decided on these recordings, the bags named by their files."""
-    nominal = [file for file in files if "_Nominal_" in file.name]
-    learned = nominal[::2]
-    flea("import", *learned, "-o", folder / "learned", *SHARED)
-    bags = sorted((folder / "learned").iterdir())
-    flea("calibrate", *bags, "-o", folder / "calibration.yaml", *SHARED)
-    rest = [file for file in files if file not in learned]
-    flea("import", *rest, "-o", folder / "bags", *SHARED)
-    out = folder / "replays.json"
+def decided(stand: str, files: list[Path], folder: Path) -> list[dict[str, Any]]:
+    """What is decided on the recordings of a stand, the bags named by what they hold."""
+    known = ("--stand", stand, "--calibration", folder / "calibration.yaml")
+    flea("import", *files, "-o", folder / "bags", "--stand", stand, *SHARED)
     bags = sorted((folder / "bags").iterdir())
-    known = ("--calibration", folder / "calibration.yaml")
-    flea("replay", *bags, *known, "-q", "--json", out, *SHARED)
+    learned = [bag for bag in bags if bag.match(RECORDED[stand][0])][::2]
+    flea("calibrate", *learned, "-o", known[-1], "--stand", stand, *SHARED)
+    rest, out = [bag for bag in bags if bag not in learned], folder / "replays.json"
+    flea("replay", *rest, *known, "-q", "--json", out, *SHARED)
     return [decision(each) for each in json.loads(out.read_text(encoding="utf-8"))]
 
 
@@ -78,25 +82,32 @@ def decision(summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def compare(decisions: list[dict[str, Any]], kept: Path, keep: bool) -> None:
+    """Print how they differ from those that are kept, which they replace if they are to be."""
+    text = json.dumps(decisions, indent=1, allow_nan=False) + "\n"
+    with tempfile.TemporaryDirectory() as folder:
+        now = Path(folder) / kept.name
+        now.write_text(text, encoding="utf-8")
+        if keep:
+            kept.parent.mkdir(exist_ok=True)
+            kept.write_text(text, encoding="utf-8")
+        print(f"decisions on the real recordings of {kept.stem}, beside those that are kept:")
+        print(flea("diff", kept, now, statuses=(0, 1)), end="")
+
+
 def main() -> int:
     """Compare, or keep; 0 also where decisions changed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--keep", action="store_true", help="keep the decisions of now")
     keep = parser.parse_args().keep
-    data = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data") / "flea"
-    files = sorted(data.glob("*_Low.data"))
-    if not files:
-        print(f"decisions: not compared, no recordings in {data}: set FLEA_DATA_DIR")
-        return 0
-    with tempfile.TemporaryDirectory() as folder:
-        text = json.dumps(decided(files, Path(folder)), indent=1, allow_nan=False) + "\n"
-        now = Path(folder) / "flea.json"
-        now.write_text(text, encoding="utf-8")
-        if keep:
-            KEPT.parent.mkdir(exist_ok=True)
-            KEPT.write_text(text, encoding="utf-8")
-        print("decisions on the real recordings, beside those that are kept:")
-        print(flea("diff", KEPT, now, statuses=(0, 1)), end="")
+    data = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data")
+    for stand, (_, names) in RECORDED.items():
+        files = sorted(file for name in names for file in (data / stand).glob(name))
+        if not files:
+            print(f"decisions: {stand} not compared, no recordings in {data}: set FLEA_DATA_DIR")
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            compare(decided(stand, files, Path(folder)), KEPT / f"{stand}.json", keep)
     return 0
 
 

@@ -39,6 +39,7 @@ class WindowedMeans:
 
     A gap of more than ``longest_gap`` rows, a number for each column or one for all, ends a window:
     from there on it has no mean until it is full again, nor where less than half of it is valid.
+    Within a gap there is none either: what is left then is the end of what was valid.
     Rows come one by one or in blocks; sums accumulate in the same order, so a block gives the same
     bits as its rows one by one. Memory is constant. Sums are recomputed once per lap (of the
     longest window), so that rounding errors do not accumulate over a day.
@@ -98,11 +99,8 @@ class WindowedMeans:
         held["seen"][:] = seen[-1]
         bad = np.flatnonzero(~valid.all(axis=1))
         self._whole_for = len(rows) - 1 - int(bad[-1]) if len(bad) else self._whole_for + len(rows)
-        return self._means(sums, seen, self._runs(valid)[:, None, :])
-
-    def _means(self, sums: Array, seen: Counts, runs: Counts) -> Array:
-        """Of windows that are long enough, with at least half of their rows."""
-        judged = (runs >= self._lengths[:, None]) & (2 * seen >= self._lengths[:, None])
+        runs, lengths = np.where(valid, self._runs(valid), 0)[:, None, :], self._lengths[:, None]
+        judged = (runs >= lengths) & (2 * seen >= lengths)
         return np.where(judged, sums / np.maximum(seen, 1), np.nan)
 
     def memory(self) -> Memory:
@@ -134,11 +132,6 @@ class WindowedMeans:
             change += values * weight
         rows[:, column] += change * valid[:, column]
         self._state.table["sums"][:] = self._formed_anew()
-
-    def means(self) -> Array:
-        """Means as they are now, shape (windows, columns)."""
-        held = self._state.table
-        return self._means(held["sums"], held["seen"], held["run"])
 
     def clear(self, columns: Sequence[int] | None = None) -> None:
         """Forget all columns, or only some (a channel that turned out to be bad)."""

@@ -40,8 +40,7 @@ def test_means_are_those_of_the_last_rows(rows):
     means = WindowedMeans(2, WINDOWS)
     table = np.array(rows)
     for count, row in enumerate(table, 1):
-        np.testing.assert_array_equal(means.push(row[None])[0], means.means())
-        for found, window in zip(means.means(), WINDOWS, strict=True):
+        for found, window in zip(means.push(row[None])[0], WINDOWS, strict=True):
             np.testing.assert_allclose(found, expected(table[:count], window), atol=1e-9)
 
 
@@ -51,8 +50,9 @@ def test_short_gaps_are_passed_over_and_long_ones_end_a_window():
     rows[[10, 12, 13], 0] = np.nan
     rows[20:24, 0] = np.nan
     found = means.push(rows)[:, 0, 0]
-    assert np.flatnonzero(np.isfinite(found)).tolist() == [*range(7, 23), *range(31, 40)]
-    assert found[13] == np.mean([6, 7, 8, 9, 11])
+    judged = set(range(7, 20)) - {10, 12, 13} | set(range(31, 40))
+    assert set(np.flatnonzero(np.isfinite(found))) == judged
+    assert found[14] == np.mean([7, 8, 9, 11, 14])
     assert np.isnan(WindowedMeans(1, (8,), 3).push(np.where(rows % 4 < 3, np.nan, rows))).all()
 
 
@@ -63,10 +63,8 @@ def test_no_drift_over_many_laps():
     stream[-400:] = random.standard_normal(400)
     means = WindowedMeans(1, (50, 100))
     for value in stream:
-        means.push(np.array([[value]]))
-    np.testing.assert_allclose(
-        means.means()[:, 0], [stream[-50:].mean(), stream[-100:].mean()], rtol=1e-12
-    )
+        (found,) = means.push(np.array([[value]]))
+    np.testing.assert_allclose(found[:, 0], [stream[-50:].mean(), stream[-100:].mean()], rtol=1e-12)
 
 
 @given(st.integers(0, 20), st.floats(-5.0, 5.0))
@@ -79,10 +77,9 @@ def test_combine_acts_as_if_the_rows_had_been_so_all_along(later, weight):
     moved.combine(0, slice(1, 3), np.array([weight, -1.0]))
     change = np.zeros_like(rows)
     change[:9, 0] = weight * rows[:9, 1] - rows[:9, 2]
-    plain.push(rows + change)
-    for row in rows[9:]:
-        moved.push(row[None])
-    np.testing.assert_allclose(moved.means(), plain.means(), atol=1e-12)
+    plain.push(rows[:9] + change[:9])
+    for row in np.concatenate((rows[9:], np.ones((1, 3)))):
+        np.testing.assert_allclose(moved.push(row[None]), plain.push(row[None]), atol=1e-12)
 
 
 def test_clear_forgets_some_columns_or_all():
@@ -90,17 +87,15 @@ def test_clear_forgets_some_columns_or_all():
     for _ in range(5):
         means.push(np.array([[1.0, 2.0]]))
     means.clear([0])
-    assert np.isnan(means.means()[0, 0])
-    assert means.means()[0, 1] == 2.0
-    means.push(np.array([[5.0, 2.0]]))
-    means.push(np.array([[6.0, 2.0]]))
-    assert means.means()[0].tolist() == [5.5, 2.0]
+    first, second = means.push(np.array([[5.0, 2.0], [6.0, 2.0]]))[:, 0]
+    np.testing.assert_array_equal(first, [np.nan, 2.0])
+    assert second.tolist() == [5.5, 2.0]
     means.clear()
-    assert np.isnan(means.means()).all()
+    first, second = means.push(np.array([[1.0, 1.0], [3.0, 1.0]]))[:, 0]
+    assert np.isnan(first).all()
+    assert second.tolist() == pytest.approx([2.0, 1.0])
     means.clear([])
-    means.push(np.array([[1.0, 1.0]]))
-    means.push(np.array([[3.0, 1.0]]))
-    assert means.means()[0].tolist() == pytest.approx([2.0, 1.0])
+    np.testing.assert_array_equal(means.push(np.array([[3.0, 1.0]]))[0, 0], [3.0, 1.0])
 
 
 @settings(max_examples=examples(60))
@@ -113,4 +108,3 @@ def test_blocks_give_the_bits_of_their_rows(lengths, seed):
     single = np.concatenate([one.push(row[None]) for row in rows])
     blocks = np.split(rows, np.cumsum(lengths)[:-1])
     np.testing.assert_array_equal(np.concatenate([many.push(b) for b in blocks]), single)
-    np.testing.assert_array_equal(many.means(), one.means())

@@ -92,7 +92,7 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
 def nearest_loops(means: Flat, bounds: Array, group: Flat) -> None:
     """Of each residual the test nearest to its limit: z, limit, window and growth in ``held``."""
     sums, lengths = numbers_of(means, SUMS), counts_of(means, LENGTHS)[0]
-    run, seen = counts_of(means, RUN)[0], counts_of(means, SEEN)
+    run, gap, seen = counts_of(means, RUN)[0], counts_of(means, GAP)[0], counts_of(means, SEEN)
     held, tolerance = numbers_of(group, HELD), numbers_of(group, TOLERANCE)[0]
     start, spreading = counts_of(group, FIRST)[0, 0], len(counts_of(group, PLACES)[0])
     units, residuals = len(tolerance), held.shape[1]
@@ -118,7 +118,7 @@ def nearest_loops(means: Flat, bounds: Array, group: Flat) -> None:
                     unit += moved * moved
                 variance += unit
             z = math.nan
-            if run[c] >= length and 2 * seen[w, c] >= length:
+            if gap[c] == 0 and run[c] >= length and 2 * seen[w, c] >= length:
                 z = (sums[w, c] / seen[w, c] - bounds[0, region, w, c]) / math.sqrt(variance)
             k = bounds[2, region, w, c]
             near = abs(z) / k
