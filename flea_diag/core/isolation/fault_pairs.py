@@ -34,7 +34,7 @@ from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
 from flea_diag.core.isolation.pair_gains import pair_gains
-from flea_diag.core.isolation.pair_models import Models, Pair, PairModels, together
+from flea_diag.core.isolation.pair_models import Models, Needed, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -122,8 +122,10 @@ class Alone:
 class FaultPairs:
     """Finds pairs of faults of one catalogue."""
 
-    def __init__(self, faults: Mapping[str, Fault], goodness: GoodnessOfFit) -> None:
-        self._faults, self._goodness = faults, goodness
+    def __init__(
+        self, faults: Mapping[str, Fault], goodness: GoodnessOfFit, needed: Needed
+    ) -> None:
+        self._faults, self._goodness, self._needed = faults, goodness, needed
 
     def search(
         self,
@@ -141,7 +143,7 @@ class FaultPairs:
         ``only`` these pairs are asked for, if any are given.
         """
         pairs = [p for p in only or clues.ordered() if clues.cover(*p)]
-        both = PairModels(self._faults, models, later)
+        both = PairModels(self._faults, models, later, self._needed)
         joined = [
             (pair, one, other, together(one, other))
             for pair, best in _best(sums, pairs, both, weighing)

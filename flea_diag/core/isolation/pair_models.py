@@ -16,7 +16,8 @@
 """Models of two faults at once: their effects add up, but for what a dead reading hides.
 
 Where a reading is dead the relations that hold it say what it lacks in terms of the others:
-whatever else is wrong, the one is the sum of the others. So no second fault acts on them.
+whatever else is wrong, the one is the sum of the others. So no second fault acts on them, nor on
+relations that are void where no other reading tells whether the part is held by a stop.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 
 Models = Mapping[str, Sequence[FaultModel]]
 Pair = tuple[str, str]
+Needed = Mapping[str, frozenset[str]]
+"""Channel -> relations that are void without it (``Stop.needed``)."""
 
 
 def by_fault(models: Iterable[FaultModel]) -> dict[str, list[FaultModel]]:
@@ -42,10 +45,13 @@ def by_fault(models: Iterable[FaultModel]) -> dict[str, list[FaultModel]]:
 class PairModels:
     """Models of each fault as the first and as the second of a pair."""
 
-    def __init__(self, faults: Mapping[str, Fault], first: Models, second: Models) -> None:
+    def __init__(
+        self, faults: Mapping[str, Fault], first: Models, second: Models, needed: Needed
+    ) -> None:
         self._first, self._second = first, second
         self._voided = {
             name: frozenset(term.residual for model in models for term in model.terms)
+            | needed.get(faults[name].channel, frozenset())
             for name, models in first.items()
             # Of a single temperature nothing tells the truth: its death is no more than a bias.
             if faults[name].mode == "dead" and any(len(model.sizes) > 1 for model in models)

@@ -62,6 +62,12 @@ class Stop(Frozen):
         """Whether the ends are known and a channel reads where the part is."""
         return bool(self.channels) and self.low_m < self.high_m
 
+    @property
+    def needed(self) -> dict[str, frozenset[str]]:
+        """Channel -> relations that are void without it: nothing else tells where the part is."""
+        alone = self.channels if self.known and len(self.channels) == 1 else ()
+        return {channel: frozenset(self.reactions) for channel in alone}
+
     def near(self, places: Array) -> npt.NDArray[np.bool_]:
         """Whether the stopped part is within an end, shape (n,); nowhere where none is stated."""
         low, high = self.low_m + self.within_m, self.high_m - self.within_m

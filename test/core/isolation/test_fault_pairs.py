@@ -113,7 +113,7 @@ def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
 def pairs(known: NormalEquations, said: Clues) -> tuple[FaultPair, ...]:
     sums = known.now
     goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))))
-    search = FaultPairs(stands.knowledge().faults, goodness)
+    search = FaultPairs(stands.knowledge().faults, goodness, {})
     return search.search(sums, MODELS, MODELS, weighing(sums), said, 3.5)
 
 
@@ -184,12 +184,19 @@ def test_gains_hold_sizes_to_their_bounds() -> None:
 
 
 def test_a_dead_reading_hides_what_else_acts_on_its_relations() -> None:
-    both = PairModels(stands.knowledge().faults, MODELS, MODELS)
+    both = PairModels(stands.knowledge().faults, MODELS, MODELS, {})
     (hidden,), (shown,) = both.beside(SCALED, DEAD), both.beside(LOAD, DEAD)
     assert (hidden.sizes, hidden.terms) == ((), ())
     assert shown.terms == MODELS[LOAD][0].terms
     assert [m.sizes for m in both.of((SCALED, DEAD))[0]] == [()]
     assert both.of((SCALED, BIAS)) == (MODELS[SCALED], MODELS[BIAS])
+
+
+def test_a_dead_reading_hides_what_acts_on_relations_that_need_it() -> None:
+    needed = {"motor_voltage": frozenset({FORCE})}
+    both = PairModels(stands.knowledge().faults, MODELS, MODELS, needed)
+    (hidden,) = both.beside(LOAD, DEAD)
+    assert hidden.sizes == ()
 
 
 def test_a_drift_that_begins_later_is_nothing_at_its_onset() -> None:

@@ -44,6 +44,11 @@ def test_the_reaction_is_seen_through_a_gear_and_a_screw() -> None:
     assert stop.channels == ("actuator_position",)
 
 
+def test_a_balance_needs_the_only_reading_of_where_the_part_is() -> None:
+    assert compiled_relations(WING).stop.needed == {"actuator_position": {"parity_mechanical"}}
+    assert compiled_relations("actuator.yaml").stop.needed == {}
+
+
 def test_a_stop_beyond_the_load_cell_enters_no_relation() -> None:
     model = described("actuator.yaml")
     assert model.travel is not None

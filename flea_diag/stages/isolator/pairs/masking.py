@@ -32,7 +32,8 @@ class Masking:
     def __init__(self, knowledge: Knowledge, models: Sequence[FaultModel]) -> None:
         self._faults, self._symptoms = knowledge.faults, knowledge.symptoms
         self._models = by_fault(models)
-        self._pairs = PairModels(self._faults, self._models, self._models)
+        needed = knowledge.effects.relations.stop.needed
+        self._pairs = PairModels(self._faults, self._models, self._models, needed)
         self._dead = [name for name in self._models if self._faults[name].mode == "dead"]
 
     def hidden(self, pairs: Sequence[tuple[str, ...]]) -> tuple[tuple[str, str], ...]:
@@ -43,7 +44,7 @@ class Masking:
             if pairs and all(name in pair for pair in pairs)
         }
         return tuple(
-            (fault, f"hidden by {name}: each relation that shows it holds this reading")
+            (fault, f"hidden by {name}: each relation that shows it needs this reading")
             for name in named
             for fault in self._models
             if not any(fault in pair for pair in pairs)

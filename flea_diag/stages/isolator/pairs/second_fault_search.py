@@ -58,7 +58,8 @@ class SecondFaultSearch:
         self._quantitative, self._stand, self._jumps = quantitative, stand, jumps
         self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
         self._goodness = GoodnessOfFit(knowledge.calibration)
-        self._pairs = FaultPairs(knowledge.faults, self._goodness)
+        needed = knowledge.effects.relations.stop.needed
+        self._pairs = FaultPairs(knowledge.faults, self._goodness, needed)
         known = by_fault(quantitative.models)
         self._models = {
             name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
