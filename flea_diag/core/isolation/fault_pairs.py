@@ -34,7 +34,7 @@ from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
 from flea_diag.core.isolation.pair_gains import pair_gains
-from flea_diag.core.isolation.pair_models import Models, Needed, Pair, PairModels, together
+from flea_diag.core.isolation.pair_models import Death, Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -81,6 +81,8 @@ class Clues:
         Those of relations, whose size is weighed; the tests of single sensors speak for themselves.
     firsts
         Faults of which one is the first; empty: any.
+    alive
+        Faults that the evidence has not dropped as single ones.
     is_possible
         Whether a fault of a fitted size is, by what its reading did at the onset.
     """
@@ -89,6 +91,7 @@ class Clues:
     seen: frozenset[str]
     weighed: frozenset[str]
     firsts: Collection[str]
+    alive: Collection[str]
     is_possible: Callable[[Fault, Fit], bool]
 
     def ordered(self) -> list[Pair]:
@@ -123,9 +126,9 @@ class FaultPairs:
     """Finds pairs of faults of one catalogue."""
 
     def __init__(
-        self, faults: Mapping[str, Fault], goodness: GoodnessOfFit, needed: Needed
+        self, faults: Mapping[str, Fault], goodness: GoodnessOfFit, dead: Mapping[str, Death]
     ) -> None:
-        self._faults, self._goodness, self._needed = faults, goodness, needed
+        self._faults, self._goodness, self._dead = faults, goodness, dead
 
     def search(
         self,
@@ -143,7 +146,7 @@ class FaultPairs:
         ``only`` these pairs are asked for, if any are given.
         """
         pairs = [p for p in only or clues.ordered() if clues.cover(*p)]
-        both = PairModels(self._faults, models, later, self._needed)
+        both = PairModels(models, later, self._dead)
         joined = [
             (pair, one, other, together(one, other))
             for pair, best in _best(sums, pairs, both, weighing)
@@ -252,10 +255,11 @@ class FaultPairs:
 def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
     """Nats that another fault must add to this one: no end of them where this one fits.
 
-    What a first fault left is known from before: since the second has begun, an unlikely unit may
+    One that was dropped does not fit, however little it leaves: another one was more likely. What a
+    first fault left is known from before: since the second has begun, an unlikely unit may
     explain it as well.
     """
-    fits = not (alone[name].is_poor or clues.firsts)
+    fits = name in clues.alive and not (alone[name].is_poor or clues.firsts)
     return min(clues.least(name), math.inf if fits else SECOND_NATS)
 
 

@@ -15,23 +15,23 @@
 
 """Models of two faults at once: their effects add up, but for what a dead reading hides.
 
-Where a reading is dead the relations that hold it say what it lacks in terms of the others:
-whatever else is wrong, the one is the sum of the others. So no second fault acts on them, nor on
-relations that are void where no other reading tells whether the part is held by a stop.
+Where a reading is dead a relation that holds it says what it lacks in terms of the others: whatever
+else is wrong, the one is the sum of the others. So no second fault acts on it, nor on a relation
+that is void where no other reading tells whether a stop holds the part. Where a difference with
+another reading says what is lacking, the other relations still show a fault that leaves this
+difference alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 
 Models = Mapping[str, Sequence[FaultModel]]
 Pair = tuple[str, str]
-Needed = Mapping[str, frozenset[str]]
-"""Channel -> relations that are void without it (``Stop.needed``)."""
 
 
 def by_fault(models: Iterable[FaultModel]) -> dict[str, list[FaultModel]]:
@@ -42,34 +42,62 @@ def by_fault(models: Iterable[FaultModel]) -> dict[str, list[FaultModel]]:
     return found
 
 
+@dataclass(frozen=True)
+class Death:
+    """What a dead reading hides: relations that hold it, and those that are void without it.
+
+    ``told``: the difference that says what it should be; empty where each relation says so itself.
+    """
+
+    holding: frozenset[str]
+    needing: frozenset[str]
+    told: str
+
+    def hides(self, fault: Sequence[FaultModel]) -> frozenset[str]:
+        """Relations on which this fault does not act beside it."""
+        moved = {term.residual for model in fault for term in model.terms}
+        apart = bool(self.told) and self.told not in moved
+        return (frozenset({self.told}) if apart else self.holding) | self.needing
+
+
+def deaths(
+    faults: Mapping[str, Fault],
+    models: Models,
+    needed: Mapping[str, frozenset[str]],
+    told: Mapping[str, str],
+) -> dict[str, Death]:
+    """Of each fault that is the death of a reading, by ``Stop.needed`` and ``EffectSet.told``."""
+    return {
+        name: Death(
+            frozenset(term.residual for model in known for term in model.terms),
+            needed.get(faults[name].channel, frozenset()),
+            told.get(faults[name].channel, ""),
+        )
+        for name, known in models.items()
+        # Of a single temperature nothing tells the truth: its death is no more than a bias.
+        if faults[name].mode == "dead" and any(len(model.sizes) > 1 for model in known)
+    }
+
+
 class PairModels:
     """Models of each fault as the first and as the second of a pair."""
 
-    def __init__(
-        self, faults: Mapping[str, Fault], first: Models, second: Models, needed: Needed
-    ) -> None:
-        self._first, self._second = first, second
-        self._voided = {
-            name: frozenset(term.residual for model in models for term in model.terms)
-            | needed.get(faults[name].channel, frozenset())
-            for name, models in first.items()
-            # Of a single temperature nothing tells the truth: its death is no more than a bias.
-            if faults[name].mode == "dead" and any(len(model.sizes) > 1 for model in models)
-        }
+    def __init__(self, first: Models, second: Models, dead: Mapping[str, Death]) -> None:
+        self._first, self._second, self._dead = first, second, dead
         self._hidden: dict[tuple[str, str, bool], list[FaultModel]] = {}
 
     def of(self, pair: Pair) -> tuple[Sequence[FaultModel], Sequence[FaultModel]]:
         """Models of both, without effects that the other one hides."""
         one, other = pair
-        if one in self._voided:
+        if one in self._dead:
             return self._first[one], self._beside(other, one, is_second=True)
-        if other in self._voided:
+        if other in self._dead:
             return self._beside(one, other, is_second=False), self._second[other]
         return self._first[one], self._second[other]
 
     def beside(self, fault: str, dead: str) -> Sequence[FaultModel]:
         """Models of a fault beside a dead reading; without sizes where that hides all effects."""
-        if dead not in self._voided:
+        if dead not in self._dead:
             return self._second[fault]
         return self._beside(fault, dead, is_second=True)
 
@@ -77,7 +105,8 @@ class PairModels:
         key = fault, dead, is_second
         if key not in self._hidden:
             models = (self._second if is_second else self._first)[fault]
-            self._hidden[key] = [_without(model, self._voided[dead]) for model in models]
+            hidden = self._dead[dead].hides(models)
+            self._hidden[key] = [_without(model, hidden) for model in models]
         return self._hidden[key]
 
 

@@ -71,6 +71,8 @@ class EffectSet(Frozen):
         Basis signals in corrected readings; the first is 1, the second the time since a detection.
     shapes
         Functions of signals that no relation holds, by name.
+    told
+        Reading -> the difference by which another one says what it should be.
     """
 
     relations: RelationSet
@@ -78,6 +80,7 @@ class EffectSet(Frozen):
     units: tuple[tuple[str, FaultEffect], ...]
     basis: tuple[Expression, ...]
     shapes: Mapping[str, Function]
+    told: Mapping[str, str]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -187,7 +190,9 @@ def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
     used += [effect.basis for _, effect in units]
     followed = map(Variable, motion_signals(relations.residuals))
     basis = dict.fromkeys((ONE, ELAPSED, *followed, *used))
-    return EffectSet(relations, tuple(models), units, tuple(basis), dict(rules.shapes))
+    differences = {channel: rules.told(channel) for channel in relations.residuals.channels}
+    told = {channel: row.name for channel, row in differences.items() if row}
+    return EffectSet(relations, tuple(models), units, tuple(basis), dict(rules.shapes), told)
 
 
 def _of_parameters(

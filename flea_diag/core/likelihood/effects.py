@@ -241,14 +241,19 @@ class EffectRules:
         flows = {n for s in row.signals if s in shapes for n in symbols(shapes[s])}
         return {s for s in row.signals if s in shapes or s in flows or channel_of(s)[1]}
 
-    def _truth(self, channel: str) -> Expression | None:
-        """What another reading says that this one should be; None if none does."""
+    def told(self, channel: str) -> CompiledRelation | None:
+        """The difference by which another reading says what this one should be, if there is one."""
         for row in self._set.relations:
             if channel in row.pair and channel in row.signals:
                 share = derivative(row.expression, channel)
                 if not set(symbols(share)) & set(self._set.signals):
-                    return solved_for(channel, row.expression)
+                    return row
         return None
+
+    def _truth(self, channel: str) -> Expression | None:
+        """What another reading says that this one should be; None if none does."""
+        row = self.told(channel)
+        return solved_for(channel, row.expression) if row else None
 
     def _without(self, expression: Expression, read: Iterable[str]) -> Expression:
         """The expression where these signals read their zero."""

@@ -26,6 +26,7 @@ from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
+from flea_diag.core.isolation.pair_models import Death, Models, deaths
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.signatures.signature import SignatureTable
@@ -150,6 +151,11 @@ class Knowledge:
     signatures: Mapping[Quadrant, SignatureTable]
     features: FaultFeatureTable
     recurrence: RecurrenceKnowledge | None = None
+
+    def deaths(self, models: Models) -> dict[str, Death]:
+        """What each dead reading hides of these faults."""
+        needed, told = self.effects.relations.stop.needed, self.effects.told
+        return deaths(self.faults, models, needed, told)
 
     @cached_property
     def symptoms(self) -> SensorSymptoms:

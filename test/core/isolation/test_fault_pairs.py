@@ -16,8 +16,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -29,7 +30,14 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.fault_pairs import Clues, FaultPair, FaultPairs, members
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.pair_gains import pair_gains
-from flea_diag.core.isolation.pair_models import PairModels, delayed, together
+from flea_diag.core.isolation.pair_models import (
+    Death,
+    Models,
+    PairModels,
+    deaths,
+    delayed,
+    together,
+)
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
@@ -94,16 +102,25 @@ def clues(
     seen: Mapping[str, Sequence[str]],
     firsts: Sequence[str] = (),
     is_possible: Callable[[Fault, Fit], bool] = anything,
+    alive: Collection[str] = tuple(MODELS),
 ) -> Clues:
-    """What was seen, and which faults predict it."""
+    """What was seen, which faults predict it, and which are left as single ones."""
     predicted = {
         fault: frozenset(name for name, faults in seen.items() if fault in faults)
         for fault in MODELS
     }
-    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, is_possible)
+    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, alive, is_possible)
 
 
 SEEN = {VOLTS: (BIAS, SCALED, DEAD), FORCE: (LOAD, "jam")}
+
+
+def dead(
+    models: Models = MODELS,
+    needed: Mapping[str, frozenset[str]] = MappingProxyType({}),
+    told: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, Death]:
+    return deaths(stands.knowledge().faults, models, needed, told)
 
 
 def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
@@ -113,8 +130,16 @@ def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
 def pairs(known: NormalEquations, said: Clues) -> tuple[FaultPair, ...]:
     sums = known.now
     goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))))
-    search = FaultPairs(stands.knowledge().faults, goodness, {})
+    search = FaultPairs(stands.knowledge().faults, goodness, dead())
     return search.search(sums, MODELS, MODELS, weighing(sums), said, 3.5)
+
+
+def test_a_fault_that_was_dropped_does_not_fit_alone() -> None:
+    """A drag may leave as much as it explains: beside a fault that is more likely it needs help."""
+    sums = evidence((FORCE, lambda wave: 4.0 + 3.0 * wave), (VOLTS, lambda wave: 0.4 + 0.0 * wave))
+    both = {FORCE: (LOAD, "jam"), VOLTS: (BIAS, "jam")}
+    assert not found(sums, clues(both))
+    assert ("motor_voltage_bias", "jam") in found(sums, clues(both, alive=(LOAD,)))
 
 
 def test_two_faults_are_found_with_their_sizes() -> None:
@@ -184,7 +209,7 @@ def test_gains_hold_sizes_to_their_bounds() -> None:
 
 
 def test_a_dead_reading_hides_what_else_acts_on_its_relations() -> None:
-    both = PairModels(stands.knowledge().faults, MODELS, MODELS, {})
+    both = PairModels(MODELS, MODELS, dead())
     (hidden,), (shown,) = both.beside(SCALED, DEAD), both.beside(LOAD, DEAD)
     assert (hidden.sizes, hidden.terms) == ((), ())
     assert shown.terms == MODELS[LOAD][0].terms
@@ -194,9 +219,22 @@ def test_a_dead_reading_hides_what_else_acts_on_its_relations() -> None:
 
 def test_a_dead_reading_hides_what_acts_on_relations_that_need_it() -> None:
     needed = {"motor_voltage": frozenset({FORCE})}
-    both = PairModels(stands.knowledge().faults, MODELS, MODELS, needed)
-    (hidden,) = both.beside(LOAD, DEAD)
+    (hidden,) = PairModels(MODELS, MODELS, dead(needed=needed)).beside(LOAD, DEAD)
     assert hidden.sizes == ()
+
+
+def test_what_another_reading_tells_of_a_dead_one_leaves_the_other_relations() -> None:
+    waves = [Term(name, "wave", 1.0) for name in NAMES]
+    told = [model(DEAD, *waves, Term(VOLTS, "one", 1.0, 1))]
+    models = {**MODELS, DEAD: told, SCALED: [model(SCALED, *waves)]}
+    both = PairModels(models, models, dead(models, told={"motor_voltage": VOLTS}))
+    (shown,) = both.beside(LOAD, DEAD)
+    assert shown.terms == MODELS[LOAD][0].terms
+    (hidden,) = both.beside(BIAS, DEAD)
+    assert hidden.sizes == ()
+    # It acts on the difference that tells the dead reading, and so on all that is told by it.
+    (spoilt,) = both.beside(SCALED, DEAD)
+    assert spoilt.sizes == ()
 
 
 def test_a_drift_that_begins_later_is_nothing_at_its_onset() -> None:

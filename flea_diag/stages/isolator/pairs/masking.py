@@ -32,8 +32,8 @@ class Masking:
     def __init__(self, knowledge: Knowledge, models: Sequence[FaultModel]) -> None:
         self._faults, self._symptoms = knowledge.faults, knowledge.symptoms
         self._models = by_fault(models)
-        needed = knowledge.effects.relations.stop.needed
-        self._pairs = PairModels(self._faults, self._models, self._models, needed)
+        dead = knowledge.deaths(self._models)
+        self._pairs = PairModels(self._models, self._models, dead)
         self._dead = [name for name in self._models if self._faults[name].mode == "dead"]
 
     def hidden(self, pairs: Sequence[tuple[str, ...]]) -> tuple[tuple[str, str], ...]:

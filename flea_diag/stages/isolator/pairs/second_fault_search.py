@@ -58,12 +58,12 @@ class SecondFaultSearch:
         self._quantitative, self._stand, self._jumps = quantitative, stand, jumps
         self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
         self._goodness = GoodnessOfFit(knowledge.calibration)
-        needed = knowledge.effects.relations.stop.needed
-        self._pairs = FaultPairs(knowledge.faults, self._goodness, needed)
         known = by_fault(quantitative.models)
         self._models = {
             name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
         }
+        dead = knowledge.deaths(self._models)
+        self._pairs = FaultPairs(knowledge.faults, self._goodness, dead)
 
     def look(self, stamp_ns: int, episode: FaultEpisode) -> None:
         """Look at an episode every two seconds."""
@@ -202,4 +202,4 @@ class SecondFaultSearch:
 
         relation, known = episode.residuals.relation, self._quantitative.names
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
-        return Clues(predicted, isolation.seen, weighed, firsts, is_possible)
+        return Clues(predicted, isolation.seen, weighed, firsts, episode.names(), is_possible)
