@@ -157,11 +157,12 @@ def bridge(recent: Array, smooth: Array, period_s: float, skip: int = 0) -> Arra
         return None
     missing = np.isnan(recent)
     length = len(recent) - len(smooth) + 1
+    gaps = sliding(missing, length)
+    barred = np.asarray(sliding(np.isinf(recent), length).any(axis=1))
     noise: Array | None = None
     for channel in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)):
-        windows = np.lib.stride_tricks.sliding_window_view(missing[:, channel], length)
-        barred = np.lib.stride_tricks.sliding_window_view(np.isinf(recent[:, channel]), length)
-        lost = np.where(barred.any(axis=1), 0, np.count_nonzero(windows, axis=1))[skip:]
+        windows = gaps[:, :, channel]
+        lost = np.where(barred[:, channel], 0, np.count_nonzero(windows, axis=1))[skip:]
         for k in (skip + np.flatnonzero((lost > 0) & (lost < length - 1))).tolist():
             kernels, amplified = gap_kernels(windows[k].tobytes(), period_s)
             readings = np.where(windows[k], 0.0, recent[k : k + length, channel])

@@ -106,6 +106,7 @@ GENERAL: dict[Row, str] = {
     ),
     ("likelihood/unit_baseline.py", "EVERY_S", 0.04): "shorter than the smoothing",
     ("likelihood/unit_baseline.py", "PIECE_S", 1.0): "size of a sample",
+    ("observer/block_replay.py", "WORTH_SCANS", 8): "size of a block",
     ("observers/state_observer.py", "WARMED_K", 0.5): "0.2 % of the resistance of copper",
     ("observers/thermal_filter.py", "START_K", 10.0): "spikes of a thermocouple",
     ("residuals/residual_bank.py", "START_S", 1.0): "size of a sample",

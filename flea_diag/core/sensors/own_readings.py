@@ -138,20 +138,26 @@ def train_logs(train: ReadingTrain, resolution: float) -> Array:
     """
     values, scans = train.last(3)
     x = values[:, 0]
-    ends = [slice(k, k + train.new) for k in range(4)]
-    at = [scans[end].astype(float) for end in ends]
-    weights = [
-        1.0 / math.prod((at[k] - at[j] for j in range(4) if j != k), start=np.ones(train.new))
-        for k in range(4)
-    ]
-    size = np.sqrt(sum(weight * weight for weight in weights))
-    apart = np.abs(sum(w * x[end] for w, end in zip(weights, ends, strict=True))) / size
     third = x[3:] - 3.0 * x[2:-1] + 3.0 * x[1:-2] - x[:-3]
     even = np.diff(scans, 2)
     plain = (even[: train.new] == 0) & (even[1 : train.new + 1] == 0)
-    noise = np.where(plain, np.abs(third) / math.sqrt(20.0), apart)
+    noise = np.abs(third) / math.sqrt(20.0)
+    if not plain.all():
+        noise = np.where(plain, noise, _apart(x, scans, train.new))
     logs: Array = np.log(np.maximum(noise, resolution))
     return logs
+
+
+def _apart(x: Array, scans: Counts, new: int) -> Array:
+    """That of readings that are not as far from each other, shape (new,)."""
+    ends = [slice(k, k + new) for k in range(4)]
+    at = [scans[end].astype(float) for end in ends]
+    weights = [
+        1.0 / math.prod((at[k] - at[j] for j in range(4) if j != k), start=np.ones(new))
+        for k in range(4)
+    ]
+    size = np.sqrt(sum(weight * weight for weight in weights))
+    return np.asarray(np.abs(sum(w * x[e] for w, e in zip(weights, ends, strict=True))) / size)
 
 
 def longest_gaps(train: ReadingTrain) -> Counts:

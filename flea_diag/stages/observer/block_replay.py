@@ -29,6 +29,8 @@ from flea_diag.wire.blocks import ScanBlock
 
 LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
+WORTH_SCANS = 8
+"""Scans that take as long alone as in a block for which the state is copied."""
 MOST_BLOCKS = 64
 """Most blocks to repeat after an event: live, where a block has a few scans, seconds of them."""
 QUIET_SHARE, MOST_REPEATED = 8, 32_768
@@ -78,9 +80,13 @@ class BlockReplay:
         self._quiet = 0
         """Scans since the last event."""
         self._checkpoint: Checkpoint | None = None
+        self._alone = 0
+        """Scans of short blocks that are left alone yet, for the last copy was hardly used."""
 
     def forget(self) -> None:
         """Drop the checkpoint: the state changes in another way than by a block."""
+        if self._checkpoint is not None and self._checkpoint.scans < WORTH_SCANS:
+            self._alone = WORTH_SCANS
         self._checkpoint = None
 
     def take(
@@ -94,6 +100,9 @@ class BlockReplay:
         """
         count = chain.leading(block.part(slice(self._most)))
         if count < min(LEAST_SCANS, len(block)):
+            return chain, 0, None
+        if self._checkpoint is None and self._alone and len(block) < WORTH_SCANS:
+            self._alone -= 1
             return chain, 0, None
         if self._checkpoint is None or self._checkpoint.is_old:
             most = max(MOST_SCANS, min(self._quiet // QUIET_SHARE, MOST_REPEATED))

@@ -34,6 +34,7 @@ from flea_diag.stages.observer.block_replay import (
     MOST_REPEATED,
     MOST_SCANS,
     QUIET_SHARE,
+    WORTH_SCANS,
     BlockReplay,
     Checkpoint,
 )
@@ -127,6 +128,21 @@ def test_live_blocks_of_a_few_scans_leave_little_to_repeat_after_an_event():
     assert at == event
     assert len(kept) > MOST_BLOCKS == max(kept)
     assert chain.order.last_ns == jammed()[event - 1].stamp_ns
+
+
+@pytest.mark.slow
+def test_the_state_is_not_copied_for_each_scan_where_others_come_between(monkeypatch):
+    """As with another source on the same topic."""
+    copies, stage, count = [], stands.observer(state_observer="none"), 10 * WORTH_SCANS
+    stands.feed(stage, jammed()[:START])
+    monkeypatch.setattr(
+        block_replay, "state_copy", lambda chain: copies.append(chain) or state_copy(chain)
+    )
+    for at in range(START, START + count):
+        taken, _ = stage.handle_block(block(at, at + 1))
+        stage.handle(jammed()[at])  # alone, or once more, which is passed over
+        assert taken in (0, 1)
+    assert 0 < len(copies) <= count // WORTH_SCANS
 
 
 def test_what_came_in_small_blocks_is_repeated_as_one(monkeypatch):
