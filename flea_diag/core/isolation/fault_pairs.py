@@ -210,14 +210,8 @@ class FaultPairs:
         pair: Pair,
         row: Fitted,
     ) -> bool:
-        fit, *members = row
-        plant = {
-            term.residual
-            for name, model in zip(pair, members, strict=True)
-            for term in model.terms
-            if not self._faults[name].channel
-        }
-        return not self._goodness.misfits_of_two(sums, fit, plant)
+        faults = [self._faults[name] for name in pair]
+        return not self._goodness.misfits(sums, faults, row[0])
 
     def _alone(
         self,
@@ -249,7 +243,7 @@ class FaultPairs:
         if not known:
             return True
         best = max(fitted(sums, known, weighing), key=lambda fit: fit.log_likelihood)
-        return bool(self._goodness.misfits(sums, self._faults[best.fault], best))
+        return bool(self._goodness.misfits(sums, (self._faults[best.fault],), best))
 
 
 def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:

@@ -20,9 +20,10 @@ learned out of sample. No mean of a healthy recording reaches it, so their root 
 either, however much the noise of one motion differs from that of another. A relation that the fault
 should move and that stays quiet counts as well as one that deviates by itself.
 
-What a model leaves of a large fault is larger than any noise. A relation is held against a fault
-only where more of it is left than the model may be off by: a drag scatters, while of an error of a
-reading all is known but the size.
+What a model leaves of a large fault is larger than any noise. A relation that the fault moves is
+held against it only where more of it is left than the model may be off by: a drag scatters, while
+of an error of a reading all is known but the size. Of a relation that it does not move nothing may
+be left but noise, however much of it the unit accounts for.
 """
 
 from __future__ import annotations
@@ -81,16 +82,12 @@ class MeanScatter:
 
 
 class GoodnessOfFit:
-    """Holds what fits leave against nominal recordings."""
+    """Holds what fits leave against nominal recordings; ``moved``: fault -> relations it moves."""
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, moved: Mapping[str, Collection[str]]) -> None:
         names = [limit.name for limit in calibration.limits]
         self._nominal = {name: MeanScatter.of(calibration, name) for name in names}
-
-    def misfits(self, sums: EvidenceSums, fault: Fault, fit: Fit) -> tuple[Misfit, ...]:
-        """Relations that this fit of a fault does not explain, the worst first."""
-        share = LEFT_OF_READING if fault.channel else LEFT_OF_PLANT
-        return self._misfits(sums, fit, dict.fromkeys(sums.residuals, share))
+        self._moved = moved
 
     def left_by_all(
         self, sums: EvidenceSums, fits: Iterable[tuple[Fault, Fit | None]]
@@ -98,31 +95,31 @@ class GoodnessOfFit:
         """What the first of several leaves, if no other fits either; one without a fit does."""
         found = []
         for fault, fit in fits:
-            misfits = self.misfits(sums, fault, fit) if fit else ()
+            misfits = self.misfits(sums, (fault,), fit) if fit else ()
             if not misfits:
                 return ()
             found.append(misfits)
         return found[0] if found else ()
 
-    def misfits_of_two(
-        self, sums: EvidenceSums, fit: Fit, plant: Collection[str]
-    ) -> tuple[Misfit, ...]:
-        """The same of two faults; ``plant`` are the relations that one of the plant moves."""
-        shares = {
-            name: LEFT_OF_PLANT if name in plant else LEFT_OF_READING for name in sums.residuals
-        }
-        return self._misfits(sums, fit, shares)
-
-    def _misfits(
-        self, sums: EvidenceSums, fit: Fit, shares: Mapping[str, float]
-    ) -> tuple[Misfit, ...]:
+    def misfits(self, sums: EvidenceSums, faults: Iterable[Fault], fit: Fit) -> tuple[Misfit, ...]:
+        """Relations that this fit of one or more faults does not explain, the worst first."""
+        shares = self._shares(faults)
         found = []
         rows = zip(sums.residuals, sums.blocks, sums.shown, fit.left, strict=True)
         for name, blocks, shown, left in rows:
-            nominal = self._nominal.get(name)
-            if nominal is None or blocks < 1.0 or left < shares[name] ** 2 * shown:
+            nominal, share = self._nominal.get(name), shares.get(name, 0.0)
+            if nominal is None or blocks < 1.0 or left < share**2 * shown:
                 continue
             scatter = math.sqrt(left / (blocks * nominal.square))
             if scatter > nominal.k:
                 found.append(Misfit(name, scatter, nominal.k))
         return tuple(sorted(found, key=lambda row: -row.scatter / row.limit))
+
+    def _shares(self, faults: Iterable[Fault]) -> dict[str, float]:
+        """What the models of these faults may leave of each relation that one of them moves."""
+        found: dict[str, float] = {}
+        for fault in faults:
+            share = LEFT_OF_READING if fault.channel else LEFT_OF_PLANT
+            for name in self._moved.get(fault.name, ()):
+                found[name] = max(share, found.get(name, 0.0))
+        return found

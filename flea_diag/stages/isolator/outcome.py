@@ -76,7 +76,7 @@ class OutcomeRules:
         self._patience_ns = round(parameters.feature_patience_s * 1e9)
         self._rest_ns = parameters.rest_s * 1e9
         self._residuals = knowledge.effects.residuals
-        self._fit = GoodnessOfFit(knowledge.calibration)
+        self._fit = GoodnessOfFit(knowledge.calibration, knowledge.moved)
         self._ambiguity = Ambiguity(knowledge.features, models, quantified, self._residuals)
 
     def decide(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:

@@ -152,6 +152,14 @@ class Knowledge:
     features: FaultFeatureTable
     recurrence: RecurrenceKnowledge | None = None
 
+    @cached_property
+    def moved(self) -> dict[str, set[str]]:
+        """Fault -> relations that it moves."""
+        found: dict[str, set[str]] = {}
+        for model in self.effects.models:
+            found.setdefault(model.fault, set()).update(e.residual for e in model.effects)
+        return found
+
     def deaths(self, models: Models) -> dict[str, Death]:
         """What each dead reading hides of these faults."""
         needed, told = self.effects.relations.stop.needed, self.effects.told

@@ -123,13 +123,16 @@ def dead(
     return deaths(stands.knowledge().faults, models, needed, told)
 
 
+MOVED = {name: {t.residual for m in models for t in m.terms} for name, models in MODELS.items()}
+
+
 def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
     return [pair.faults for pair in pairs(known, said)]
 
 
 def pairs(known: NormalEquations, said: Clues) -> tuple[FaultPair, ...]:
     sums = known.now
-    goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))))
+    goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))), MOVED)
     search = FaultPairs(stands.knowledge().faults, goodness, dead())
     return search.search(sums, MODELS, MODELS, weighing(sums), said, 3.5)
 

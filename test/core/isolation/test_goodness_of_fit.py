@@ -76,7 +76,9 @@ def fitted(known: NormalEquations, model: FaultModel) -> Fit:
 
 def misfits(known: NormalEquations, model: FaultModel, fault: str = "jam") -> tuple[Misfit, ...]:
     faults = stands.knowledge().faults
-    return GoodnessOfFit(CALIBRATION).misfits(known.now, faults[fault], fitted(known, model))
+    moved = {fault: {term.residual for term in model.terms}}
+    goodness = GoodnessOfFit(CALIBRATION, moved)
+    return goodness.misfits(known.now, (faults[fault],), fitted(known, model))
 
 
 def poor(

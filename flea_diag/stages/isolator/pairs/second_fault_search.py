@@ -57,7 +57,7 @@ class SecondFaultSearch:
     ) -> None:
         self._quantitative, self._stand, self._jumps = quantitative, stand, jumps
         self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
-        self._goodness = GoodnessOfFit(knowledge.calibration)
+        self._goodness = GoodnessOfFit(knowledge.calibration, knowledge.moved)
         known = by_fault(quantitative.models)
         self._models = {
             name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
