@@ -81,8 +81,6 @@ class Clues:
         Those of relations, whose size is weighed; the tests of single sensors speak for themselves.
     firsts
         Faults of which one is the first; empty: any.
-    alive
-        Faults that the evidence has not dropped as single ones.
     is_possible
         Whether a fault of a fitted size is, by what its reading did at the onset.
     """
@@ -91,7 +89,6 @@ class Clues:
     seen: frozenset[str]
     weighed: frozenset[str]
     firsts: Collection[str]
-    alive: Collection[str]
     is_possible: Callable[[Fault, Fit], bool]
 
     def ordered(self) -> list[Pair]:
@@ -249,11 +246,10 @@ class FaultPairs:
 def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
     """Nats that another fault must add to this one: no end of them where this one fits.
 
-    One that was dropped does not fit, however little it leaves: another one was more likely. What a
-    first fault left is known from before: since the second has begun, an unlikely unit may
+    What a first fault left is known from before: since the second has begun, an unlikely unit may
     explain it as well.
     """
-    fits = name in clues.alive and not (alone[name].is_poor or clues.firsts)
+    fits = not (alone[name].is_poor or clues.firsts)
     return min(clues.least(name), math.inf if fits else SECOND_NATS)
 
 

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -102,14 +102,13 @@ def clues(
     seen: Mapping[str, Sequence[str]],
     firsts: Sequence[str] = (),
     is_possible: Callable[[Fault, Fit], bool] = anything,
-    alive: Collection[str] = tuple(MODELS),
 ) -> Clues:
-    """What was seen, which faults predict it, and which are left as single ones."""
+    """What was seen, and which faults predict it."""
     predicted = {
         fault: frozenset(name for name, faults in seen.items() if fault in faults)
         for fault in MODELS
     }
-    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, alive, is_possible)
+    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, is_possible)
 
 
 SEEN = {VOLTS: (BIAS, SCALED, DEAD), FORCE: (LOAD, "jam")}
@@ -135,14 +134,6 @@ def pairs(known: NormalEquations, said: Clues) -> tuple[FaultPair, ...]:
     goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))), MOVED)
     search = FaultPairs(stands.knowledge().faults, goodness, dead())
     return search.search(sums, MODELS, MODELS, weighing(sums), said, 3.5)
-
-
-def test_a_fault_that_was_dropped_does_not_fit_alone() -> None:
-    """A drag may leave as much as it explains: beside a fault that is more likely it needs help."""
-    sums = evidence((FORCE, lambda wave: 4.0 + 3.0 * wave), (VOLTS, lambda wave: 0.4 + 0.0 * wave))
-    both = {FORCE: (LOAD, "jam"), VOLTS: (BIAS, "jam")}
-    assert not found(sums, clues(both))
-    assert ("motor_voltage_bias", "jam") in found(sums, clues(both, alive=(LOAD,)))
 
 
 def test_two_faults_are_found_with_their_sizes() -> None:

@@ -202,4 +202,4 @@ class SecondFaultSearch:
 
         relation, known = episode.residuals.relation, self._quantitative.names
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
-        return Clues(predicted, isolation.seen, weighed, firsts, episode.names(), is_possible)
+        return Clues(predicted, isolation.seen, weighed, firsts, is_possible)
