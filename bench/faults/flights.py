@@ -104,9 +104,14 @@ elements:
   - drive -> terminals
 """,
     "offset: drive_offset, ": "offset: drive_offset, across: bridge, ",
+    "  voltage_offset_v: 0.5\n": "  voltage_offset_v: 0.5\n  drive_drop_v: 0.1\n",
+    "  drive_offset_v: drive_offset\n": """  drive_offset_v: drive_offset
+  drive_drop_v: drive_drop
+""",
 }
 """Small strokes take small currents, by whose way the dead time of a bridge takes its part: left
-out, it looks like a gain of the drive that differs by the size of the stroke."""
+out, it looks like a gain of the drive that differs by the size of the stroke. How much it takes,
+the recordings say."""
 DURATION_S, ONSET_S, FOLLOWED_S = 60.0, 20.0, 10.0
 MOVES_M_S = 1e-3
 TIMES, FAULTS_A_SEED = 2.0, 2

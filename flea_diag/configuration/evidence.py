@@ -34,7 +34,12 @@ from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.law_columns import dry_friction, law_columns
 from flea_diag.core.run_law.run_law import RunLaw
-from flea_diag.core.run_law.run_windows import signal_names, speed_signal, window_scans
+from flea_diag.core.run_law.run_windows import (
+    current_side,
+    signal_names,
+    speed_signal,
+    window_scans,
+)
 from flea_diag.core.run_law.visible_sizes import ONSETS_PER_HOUR
 from flea_diag.stages.evidence.evidence_chain import EvidenceChain
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
@@ -123,7 +128,7 @@ def stream_columns(
     return partial(
         StreamColumns, law.relations, frozenset(rows.in_motion), signal_names(known), moving,
         known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s,
-        window_scans(calibration.period_s),
+        window_scans(calibration.period_s), current_side(known),
     )  # fmt: skip
 
 

@@ -130,12 +130,14 @@ class LawWindowMeans:
         where one of them is missing.
     travel
         Ends of the healthy one; empty: not known.
+    side
+        Name of the smooth sign of the current among the signals; empty: there is none.
     """
 
     def __init__(
         self, relations: Sequence[str], signals: Sequence[str], names: Sequence[str],
         motion: tuple[str, str, str, str], acting: Flags, travel: tuple[float, ...],
-        period_s: float, scans: int,
+        period_s: float, scans: int, side: str = "",
     ) -> None:  # fmt: skip
         place = {name: k for k, name in enumerate(names)}
         formed = [name for name in signals if name not in FORMED]
@@ -147,6 +149,7 @@ class LawWindowMeans:
         self._rows = which.reshape(-1)
         places = (formed.index(name) for name in motion)
         self._current, self._load, self._way, self._speed = places
+        self._side = formed.index(side) if side else None
         self._moves = WindowMotion()
         self._place, self._travel = place[PLACE], travel
         self._acting = acting[:, : len(formed)]
@@ -208,7 +211,8 @@ class LawWindowMeans:
         current, rate = self._currents(read[..., self._current])
         load, way = formed[..., self._load], formed[..., self._way]
         place = np.broadcast_to(along(table[:, self._place], self._travel)[:, None], way.shape)
-        behind = left_out(current, rate, self._warmed(current)[:, None], load, way, place)
+        side = None if self._side is None else formed[..., self._side]
+        behind = left_out(current, rate, self._warmed(current)[:, None], load, way, place, side)
         return np.concatenate((formed, behind), axis=-1)
 
     def _means(self, scans: LawScans) -> LawWindow:

@@ -38,12 +38,14 @@ from flea_diag.core.run_law.run_windows import (
     CURRENT_HEAT,
     CURRENT_RATE,
     CURRENT_WAY,
+    CURRENT_ZERO,
     LOAD_BY_PLACE,
     LOAD_DRAG,
     REVERSAL,
     WAY_BY_PLACE,
     WINDOW_S,
     RunWindows,
+    current_side,
     signal_names,
     speed_signal,
 )
@@ -233,13 +235,19 @@ def _pushes(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
 def _of_pair(row: CompiledRelation, effects: EffectSet) -> Iterator[str]:
     """Zero and gain of one reading against the other, where they are no term of the difference.
 
-    The voltage of a bridge loses some by the way that its current goes.
+    The voltage of a bridge loses some by the way that its current goes, and some in its resistance.
+    Where the description names the bridge, the former follows the reading of the current, whose
+    zero is not known exactly.
     """
     if row.kind == "difference":
         yield ONE
         yield from (name for name in row.pair[1:] if name in effects.names)
         if effects.residuals.voltage in row.pair:
             yield CURRENT_WAY
+            if effects.residuals.current in effects.names:
+                yield effects.residuals.current
+            if current_side(effects) in row.signals:
+                yield CURRENT_ZERO
 
 
 def _trusted(row: CompiledRelation, signal: str, effects: EffectSet) -> bool:

@@ -36,12 +36,13 @@ Flags = npt.NDArray[np.bool_]
 WINDOW_S = 0.2
 """Five windows a second: the shortest delay that matters."""
 CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT = "current_rate", "current_way", "current_by_heat"
+CURRENT_ZERO = "current_zero"
 LOAD_DRAG, REVERSAL = "load_drag", "reversal"
 BY_PLACE = ("by_place", "by_place_squared")
 LOAD_BY_PLACE = ("load_by_place", "load_by_place_squared")
 WAY_BY_PLACE = ("way_by_place", "way_by_place_squared")
 FORMED = (
-    CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT, LOAD_DRAG, REVERSAL,
+    CURRENT_RATE, CURRENT_WAY, CURRENT_HEAT, CURRENT_ZERO, LOAD_DRAG, REVERSAL,
     *BY_PLACE, *LOAD_BY_PLACE, *WAY_BY_PLACE,
 )  # fmt: skip
 """Signals of the law behind those of the faults, in the order of ``left_out``."""
@@ -144,6 +145,13 @@ def signal_names(effects: EffectSet) -> tuple[str, ...]:
     return (*effects.names, *FORMED)
 
 
+def current_side(effects: EffectSet) -> str:
+    """Name of the signal that is the smooth sign of the current; empty where none is known."""
+    shapes, current = effects.relations.shapes, effects.residuals.current
+    sides = (n for n, shape in shapes.items() if current and current in symbols(shape.argument))
+    return next((name for name in sides if name in effects.names), "")
+
+
 def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place: Array) -> Array:
     """Basis signals of n scans, shape (n, signals), and behind them what relations leave out.
 
@@ -153,7 +161,9 @@ def with_neglected(regressors: Array, effects: EffectSet, period_s: float, place
         effects.residuals)[:3])  # fmt: skip
     rate = np.diff(current, prepend=current[:1]) / period_s
     heat = losses(current, 0.0, period_s)
-    behind = left_out(current, rate, heat, load, way, place)
+    name = current_side(effects)
+    side = _column(regressors, effects, name) if name else None
+    behind = left_out(current, rate, heat, load, way, place, side)
     return np.concatenate((regressors[:, : len(effects.names)], behind), axis=-1)
 
 
@@ -195,13 +205,15 @@ def fading_loops(sums: Array, kept: float, before: float) -> None:
 
 
 def left_out(
-    current: Array, rate: Array, heat: Array, load: Array, way: Array, place: Array
-) -> Array:
+    current: Array, rate: Array, heat: Array, load: Array, way: Array, place: Array,
+    side: Array | None = None,
+) -> Array:  # fmt: skip
     """What relations leave out, shape (..., ``FORMED``).
 
     The rate of the current, by which a winding's inductance acts, or two channels of the circuit
     that lag behind each other; its sign, by which the dead time of a bridge acts; the current times
-    the losses of late, which warm a winding more than its thermometer says; the load times the sign
+    the losses of late, which warm a winding more than its thermometer says; the slope of ``side``,
+    the smooth sign of the current, by which an error of its zero acts; the load times the sign
     of the motion, by which a load rubs; what the smooth sign of the motion leaves out at a
     reversal, where dry friction has its peak; and how a load, lever arms and friction change along
     the stroke.
@@ -210,7 +222,8 @@ def left_out(
     apart = place, 1.5 * np.square(place) - 0.5
     changing = (signal * by for signal in (np.ones_like(way), load, way) for by in apart)
     turn = way * (1.0 - np.square(way))
-    electric = rate, np.sign(current), current * heat
+    slope = np.zeros_like(current) if side is None else 1.0 - np.square(side)
+    electric = rate, np.sign(current), current * heat, slope
     return np.stack((*electric, np.abs(load) * way, turn, *changing), axis=-1)
 
 

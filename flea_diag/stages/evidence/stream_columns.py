@@ -37,7 +37,7 @@ class StreamColumns:
     ----------
     relations
         Of the law, in its order; ``in_motion`` are those that mean nothing at rest.
-    signals, motion, acting, travel
+    signals, motion, acting, travel, side
         See ``LawWindowMeans``.
     slow
         Signals that are speeds, and what none of them exceeds at a standstill.
@@ -48,14 +48,14 @@ class StreamColumns:
     def __init__(
         self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
         motion: tuple[str, str, str, str], acting: Flags, slow: Mapping[str, float], stop: Stop,
-        travel: tuple[float, ...], period_s: float, scans: int,
+        travel: tuple[float, ...], period_s: float, scans: int, side: str = "",
     ) -> None:  # fmt: skip
         self._relations, self._signals, self._motion = relations, signals, motion
         self._pushed = np.array([name in stop.reactions for name in relations], dtype=bool)
         self._gated = np.array([name in in_motion for name in relations], dtype=bool)
         self._period_s, self._scans = period_s, scans
         self._acting, self._slow, self._stop = acting, slow, stop
-        self._travel = travel
+        self._travel, self._side = travel, side
         self._means: LawWindowMeans | None = None
 
     def add(self, block: ResidualBlock) -> Iterator[tuple[int, LawWindow]]:
@@ -82,7 +82,7 @@ class StreamColumns:
         """What makes windows of tables of these regressors."""
         return LawWindowMeans(
             self._relations, self._signals, names, self._motion, self._acting, self._travel,
-            self._period_s, self._scans,
+            self._period_s, self._scans, self._side,
         )  # fmt: skip
 
     def _of(self, block: ResidualBlock) -> LawWindowMeans:

@@ -20,7 +20,7 @@ import numpy as np
 
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.residuals.stop import Stop
-from flea_diag.core.run_law.run_windows import FORMED, PLACE
+from flea_diag.core.run_law.run_windows import CURRENT_ZERO, FORMED, PLACE
 from flea_diag.stages.evidence.stream_columns import StreamColumns
 from flea_diag.wire.blocks import ResidualBlock
 
@@ -30,13 +30,13 @@ TABLE = (*SIGNALS, PLACE, "moving")
 SCANS = 20
 
 
-def windows(speed: float, place: float, moving: float = 1.0) -> list[LawWindow]:
+def windows(speed: float, place: float, moving: float = 1.0, side: str = "") -> list[LawWindow]:
     """Two windows of scans that are all alike."""
     stop = Stop(0.0, 0.1, 0.002, (PLACE,), {"balance": -1.0})
     acting = np.zeros((2, len(SIGNALS) + len(FORMED)), dtype=bool)
     columns = StreamColumns(
         RELATIONS, frozenset({"balance"}), (*SIGNALS, *FORMED), SIGNALS, acting, {"speed": 1e-3},
-        stop, (0.02, 0.08), 0.01, SCANS,
+        stop, (0.02, 0.08), 0.01, SCANS, side,
     )  # fmt: skip
     count = 2 * SCANS
     table = np.tile([0.0, 500.0, 1.0, speed, place, moving], (count, 1))
@@ -62,3 +62,9 @@ def test_at_rest_a_balance_says_nothing_and_under_a_push_it_is_a_standstill() ->
 def test_load_and_way_come_with_where_along_the_healthy_travel() -> None:
     window = windows(0.02, 0.065)[0]
     np.testing.assert_allclose(window.signals[0, -4:], [250.0, -62.5, 0.5, -0.125])
+
+
+def test_an_error_of_the_zero_of_the_current_acts_where_its_sign_is_not_whole() -> None:
+    place = len(SIGNALS) + FORMED.index(CURRENT_ZERO)
+    acts = [windows(0.02, 0.05, side=side)[0].signals[0, place] for side in ("", "current", "way")]
+    np.testing.assert_allclose(acts, [0.0, 1.0, 0.0], atol=1e-12)
