@@ -35,6 +35,7 @@ from flea_diag.core.machine_modes import ModeRow
 from flea_diag.core.residuals.channel_units import CURRENT, ENCODER, LOAD, POSITION
 from flea_diag.core.scan_counts import SMOOTHING_S
 from flea_diag.core.sensors.sensor_set import SensorSet
+from flea_diag.core.sensors.unit_change import TOGETHER
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -302,6 +303,12 @@ class ResidualSet(Frozen):
     def innovations(self) -> tuple[str, ...]:
         """Names of the innovations."""
         return tuple(row.name for row in self.innovation_rows)
+
+    @cached_property
+    def lone_temperature(self) -> list[str]:
+        """The temperature of the unit if it has one thermocouple: none steps with it."""
+        of_unit = [name for name in self.predictions if name not in self.own]
+        return of_unit if len(of_unit) < TOGETHER else []
 
     @cached_property
     def predicted_columns(self) -> list[int]:

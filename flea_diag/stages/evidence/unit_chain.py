@@ -36,7 +36,6 @@ from flea_diag.core.evidence.kept_scans import KeptScans
 from flea_diag.core.evidence.stream_windows import LawWindow, LawWindowMeans
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.run_law.run_windows import WINDOW_S
-from flea_diag.core.sensors.unit_change import TOGETHER
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
 from flea_diag.stages.evidence.shift_question import ShiftAnswer, ShiftQuestion
 from flea_diag.stages.observer.channels import ChannelReadings
@@ -65,8 +64,7 @@ class UnitChain(ObserverChain):
         rows = effects.residuals
         # A predicted temperature follows its sensor while nothing deviates: it keeps no change,
         # but that of which the law is asked.
-        of_unit = [name for name in rows.predictions if name not in rows.own]
-        alone = of_unit if len(of_unit) < TOGETHER else []
+        alone = rows.lone_temperature
         self._alone = np.array([row.name in alone for row in rows.rows])
         """The one thermocouple of the unit, by residual; none where there are more."""
         slow = set(rows.predictions).difference(alone)

@@ -154,10 +154,14 @@ class Knowledge:
 
     @cached_property
     def moved(self) -> dict[str, set[str]]:
-        """Fault -> relations that it moves."""
+        """Fault -> relations that it moves, and the only temperature of the unit.
+
+        By one thermocouple a unit that is warmer is not told from an error of it.
+        """
+        alone = self.effects.residuals.lone_temperature
         found: dict[str, set[str]] = {}
         for model in self.effects.models:
-            found.setdefault(model.fault, set()).update(e.residual for e in model.effects)
+            found.setdefault(model.fault, set(alone)).update(e.residual for e in model.effects)
         return found
 
     def deaths(self, models: Models) -> dict[str, Death]:
