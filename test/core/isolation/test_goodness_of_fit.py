@@ -26,7 +26,7 @@ from support import stands
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, MeanScatter, Misfit
-from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.basis import Basis, UnitTerm
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.likelihood import FOLD, NormalEquations
@@ -55,14 +55,14 @@ FIRST = FaultModel("first", (Size("size", "1", -9.0, 9.0),), (Term(NAMES[0], "on
 
 
 def evidence(
-    levels: tuple[float, float], step: int = FOLD, wave: float = 0.0
+    levels: tuple[float, float], step: int = FOLD, wave: float = 0.0, basis: Basis = BASIS
 ) -> tuple[NormalEquations, np.ndarray]:
     """Two relations at these levels, the first with a wave, and white noise as in healthy ones."""
     noise = np.random.default_rng(4).normal(0.0, SIGMA * math.sqrt(FOLD), (BLOCKS * FOLD, 2))
     y = np.array(levels) + noise
     phi = np.stack((np.ones(len(y)), np.sin(0.01 * np.arange(len(y)))), axis=1)
     y[:, 0] += wave * phi[:, 1]
-    found = NormalEquations(NAMES, BASIS)
+    found = NormalEquations(NAMES, basis)
     for start in range(0, len(y), step):
         found.add(y[start : start + step], phi[start : start + step])
     return found, y
@@ -95,6 +95,19 @@ def test_a_fault_that_explains_what_deviates_fits() -> None:
 
 def test_a_relation_that_the_fault_does_not_move_and_that_deviates_is_named() -> None:
     assert poor((3.0, 3.0), FIRST) == ["another"]
+
+
+def test_what_the_unit_accounts_for_excuses_no_relation_that_the_fault_does_not_move() -> None:
+    """A level of 8 that units may differ by, and a wave that nothing explains."""
+    units = Basis(BASIS.names, (UnitTerm(NAMES[0], "offset", "one", 1.0),), ("offset",))
+    known, _ = evidence((8.0, 3.0), wave=4.0, basis=units)
+    scatter = dict.fromkeys(NAMES, SIGMA * math.sqrt(FOLD))
+    second = FaultModel("second", FIRST.sizes, (Term(NAMES[1], "one", 1.0),))
+    (fit,) = known.fit((second,), scatter, dict.fromkeys(NAMES, 1.0), (5.0,))
+    jam = stands.knowledge().faults["jam"]
+    for moved, words in (((NAMES[1],), [NAMES[0]]), (NAMES, [])):
+        found = GoodnessOfFit(CALIBRATION, {"jam": moved}).misfits(known.now, (jam,), fit)
+        assert [row.residual for row in found] == words
 
 
 def test_a_relation_that_the_fault_should_move_and_that_stays_quiet_is_named() -> None:
