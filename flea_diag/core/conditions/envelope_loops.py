@@ -127,7 +127,7 @@ def envelope_loops(
             means[0, s] += fade * (flow - means[0, s])
             shares[i, s] = abs(means[0, s]) / most[s]
             means[1, s] += fade * (shares[i, s] - means[1, s])
-            means[2, s] += fade * ((0.0 if beyond else flow) - means[2, s])
+            means[2, s] += fade * ((flow if beyond else 0.0) - means[2, s])
             strange = abs(means[2, s]) / most[s] > STRANGE
             heat[i, s], heat[i, stores + s] = math.nan if strange else shares[i, s], means[1, s]
             within &= not shares[i, s] * shares[i, s] > hot[s]

@@ -154,14 +154,18 @@ class Knowledge:
 
     @cached_property
     def moved(self) -> dict[str, set[str]]:
-        """Fault -> relations that it moves, and the only temperature of the unit.
+        """Fault -> residuals that it moves by its models or signatures, and a lone temperature.
 
-        By one thermocouple a unit that is warmer is not told from an error of it.
+        A drag heats a nut by more than any model says. By one thermocouple a unit that is warmer is
+        not told from an error of it.
         """
         alone = self.effects.residuals.lone_temperature
         found: dict[str, set[str]] = {}
         for model in self.effects.models:
             found.setdefault(model.fault, set(alone)).update(e.residual for e in model.effects)
+        for table in self.signatures.values():
+            for fault, row in table.items():
+                found.setdefault(fault, set(alone)).update(n for n in row if row[n].affected)
         return found
 
     def deaths(self, models: Models) -> dict[str, Death]:

@@ -51,10 +51,10 @@ def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
     return residuals.values[scans][:, stands.relations().residuals.columns(names)]
 
 
-def watch_of(envelope: CalibrationEnvelope) -> EnvelopeWatch:
+def watch_of(envelope: CalibrationEnvelope, backend: str = "auto") -> EnvelopeWatch:
     """A watch with the parameters of the nominal recordings."""
-    parameters = stands.calibration().parameters
-    return EnvelopeWatch(envelope, stands.relations(), parameters, KERNEL, FLEA_COUNTS.period_s)
+    parameters, period_s = stands.calibration().parameters, FLEA_COUNTS.period_s
+    return EnvelopeWatch(envelope, stands.relations(), parameters, KERNEL, period_s, backend)
 
 
 def residuals_of(rows: np.ndarray) -> ResidualRows:
@@ -153,6 +153,26 @@ def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
         assert factor[:, table.column(name)] == pytest.approx(expected, rel=1e-9)
     assert (factor[:, table.columns([*MECHANICAL, "nut_temperature"])] == 1.0).all()
     assert expected.max() > 1.5
+
+
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+def test_heat_is_known_but_that_from_beyond_the_ranges(backend: str) -> None:
+    if backend == "numba":
+        pytest.importorskip("numba")
+    known = stands.calibration().envelope
+    rows = ema.rows(columns(60.0), ema.STAND)
+    residuals = residuals_of(rows)
+    places = []
+    for low, high in ((-20.0, 20.0), (-0.1, 0.1)):
+        ranges = {**known.ranges, "motor_current": (low, high)}
+        watch = watch_of(replace(known, ranges=ranges), backend)
+        watch.step(rows, residuals)
+        assert watch.place.supplied is not None
+        places.append(watch.place.supplied)
+    within, beyond = places
+    assert np.isfinite(within).all()
+    assert within[-1, 0] > 0.05
+    assert np.isnan(beyond[600:, 0]).all()
 
 
 def test_a_prediction_rests_on_what_supplies_it_and_on_no_place() -> None:
