@@ -17,9 +17,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.isolation.pair_models import PairModels, by_fault
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -32,17 +31,12 @@ class Masking:
     def __init__(self, knowledge: Knowledge, models: Sequence[FaultModel]) -> None:
         self._faults, self._symptoms = knowledge.faults, knowledge.symptoms
         self._models = by_fault(models)
-        dead = knowledge.deaths(self._models)
-        self._pairs = PairModels(self._models, self._models, dead)
-        self._dead = [name for name in self._models if self._faults[name].mode == "dead"]
+        self._dead = knowledge.deaths(self._models)
+        self._pairs = PairModels(self._models, self._models, self._dead)
 
     def hidden(self, pairs: Sequence[tuple[str, ...]]) -> tuple[tuple[str, str], ...]:
         """Faults hidden by one that is in each of these sets of faults, each with the reason."""
-        named: Mapping[str, Fault] = {
-            name: self._faults[name]
-            for name in self._dead
-            if pairs and all(name in pair for pair in pairs)
-        }
+        named = [name for name in self._dead if pairs and all(name in pair for pair in pairs)]
         return tuple(
             (fault, f"hidden by {name}: each relation that shows it needs this reading")
             for name in named
