@@ -26,6 +26,7 @@ error of it where there are others, and here nothing. So the law is asked of it,
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +52,8 @@ Flags = npt.NDArray[np.bool_]
 
 KEPT_S = 20.0
 """History that is weighed: as long as the earlier level of a shift."""
+TOGETHER = 5
+"""Windows whose scans are kept together while nothing is asked."""
 
 
 class UnitChain(ObserverChain):
@@ -129,30 +132,37 @@ class UnitChain(ObserverChain):
         answered = len(block)
         if self.stream.learns:  # until its zeros are known, a residual is another quantity
             return answered
-        before, count = self._waits, self._in_window + self._waits + len(block)
+        before = self._waits
         self._waiting.append(self._records.block(block, output))
-        if count < self._k.scans:  # nothing is asked before a window is whole
-            self._waits += len(block)
+        self._waits += len(block)
+        together = TOGETHER if self._question is None else 1
+        if self._in_window + self._waits < together * self._k.scans:
             return answered
-        joined, self._waiting, self._waits = ResidualBlock.joined(self._waiting), [], 0
-        self._in_window = count % self._k.scans
+        question = self._question
+        for number, window in self._keep():
+            if question is not None and question.add(self._changing(window)):
+                answered = min(answered, number - before)
+        return answered
+
+    def _keep(self) -> Iterator[tuple[int, LawWindow]]:
+        """Keep the scans that wait; windows of them, each with its last scan, while it is asked."""
+        joined, self._waiting = ResidualBlock.joined(self._waiting), []
+        self._in_window = (self._in_window + self._waits) % self._k.scans
+        self._waits = 0
         placed = placed_along(joined, self._position)
         if self._kept is None:
             means = self._columns.means(placed.regressor_names)
             self._kept = KeptScans(means, self._k.scans, round(KEPT_S / WINDOW_S))
         scans = self._columns.scans(placed)
         self._kept.add(scans)
-        question = self._question
-        if question is None or not question.is_asked:
+        if self._question is None or not self._question.is_asked:
             self._means = None
-        elif self._means is not None:
-            for number, window in self._means.add(scans):
-                if question.add(self._changing(window)):
-                    answered = min(answered, number - before)
-        return answered
+        return iter(()) if self._means is None else self._means.add(scans)
 
     def _asked(self, sudden: bool) -> ShiftQuestion:
         """Of the windows up to now."""
+        if self._in_window + self._waits >= self._k.scans:
+            self._keep()
         if self._kept is None:
             return ShiftQuestion(self._k.stream(), ())
         self._means, windows = self._kept.windows()

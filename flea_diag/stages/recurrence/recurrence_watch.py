@@ -121,7 +121,7 @@ class RecurrenceWatch:
     def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
         self._k, self._drop_nats = knowledge, drop_nats
         self._waiting: list[ResidualBlock] = []
-        """Scans since the last window: what is made of them is made once the next one is whole."""
+        """Scans of which no window has been made yet."""
         self._singly: list[Residual] = []
         """Those behind them, which came one by one."""
         self._waits = 0
@@ -131,18 +131,26 @@ class RecurrenceWatch:
 
     def forget(self) -> None:
         """A new stream, or another unit: nothing so far counts."""
-        self._waiting.clear()
-        self._singly.clear()
-        self._in_window = self._waits = 0
+        self._drop_waiting()
+        self._in_window = 0
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
         self._jump: Array | None = None
         """By how much each reading has jumped so far in a window that has begun; None: none has."""
         self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
-        self.rearm()
+        self._arm()
+
+    def _drop_waiting(self) -> None:
+        self._waiting.clear()
+        self._singly.clear()
+        self._waits = 0
 
     def rearm(self) -> None:
         """What was found is over."""
+        self._settle()
+        self._arm()
+
+    def _arm(self) -> None:
         k = self._k
         self._history = WatchedWindows(k.hypotheses, np.array(k.fast), k.load, KEPT_WINDOWS)
         self._quiet, self._due = 0, False
@@ -153,31 +161,42 @@ class RecurrenceWatch:
 
     def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
         """Take one scan; ``offsets``: what is known of this unit's zeros."""
-        self._begin(record.stamp_ns)
+        self._begin(record.stamp_ns, offsets)
         self._last_ns = record.stamp_ns
         self._singly.append(record)
         if not self._completes(1):
             return None
-        return next((found for _, found in self._take(self._flushed(), offsets)), None)
+        return next((found for _, found in self._take(self._flushed())), None)
 
     def take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take n scans; yields how many have been taken when something is found, and what."""
         if not len(block):
             return
-        self._begin(int(block.stamps_ns[0]))
+        self._begin(int(block.stamps_ns[0]), offsets)
         self._last_ns = int(block.stamps_ns[-1])
         before = self._waits
         self._gather()
         self._waiting.append(block)
         if not self._completes(len(block)):
             return
-        for taken, found in self._take(self._flushed(), offsets):
+        for taken, found in self._take(self._flushed()):
             yield taken - before, found
 
     def _completes(self, count: int) -> bool:
-        """Whether a window is whole with so many scans more."""
+        """Whether with so many scans more there are windows that may show something.
+
+        Nothing is found before a burst is over. So while none has begun, as many windows are made
+        together as that takes, which costs little more than one.
+        """
         self._waits += count
-        return self._in_window + self._waits >= self._k.scans
+        windows = 1 if len(self._history) else 1 + OVER_WINDOWS
+        return self._in_window + self._waits >= windows * self._k.scans
+
+    def _settle(self) -> None:
+        """Make the windows that are whole: what comes next is not to change them."""
+        if self._in_window + self._waits >= self._k.scans:
+            found = next(self._take(self._flushed()), None)
+            assert found is None, "something was found before its burst was over"
 
     def _gather(self) -> None:
         """Of scans that came one by one, make a block."""
@@ -189,15 +208,18 @@ class RecurrenceWatch:
         """All that waits."""
         self._gather()
         block = ResidualBlock.joined(self._waiting)
-        self._waiting.clear()
-        self._waits = 0
+        self._drop_waiting()
         return block
 
-    def _begin(self, stamp_ns: int) -> None:
+    def _begin(self, stamp_ns: int, offsets: Offsets) -> None:
         if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:
             self.forget()
+        if offsets != self._offsets:
+            self._settle()
+            self._offsets = offsets
+            self._rows.forget()
 
-    def _take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
+    def _take(self, block: ResidualBlock) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take scans that complete a window."""
         k = self._k
         placed = placed_along(block, k.position)
@@ -205,9 +227,6 @@ class RecurrenceWatch:
         ends = np.arange(end, len(block), k.scans)
         jumps = self._leaps(block, ends)
         self._in_window = (self._in_window + len(block)) % k.scans
-        if offsets != self._offsets:
-            self._offsets = offsets
-            self._rows.forget()
         places = placed.regressors[ends, placed.regressor_names.index(PLACE)]
         rows = self._rows.add(windows)
         for number, far in enumerate(rows.farthest.tolist()):
