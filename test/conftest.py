@@ -104,7 +104,7 @@ def _leave_out_whose_turn_it_is_not(config: pytest.Config, items: list[pytest.It
     if not all(Path(argument).is_dir() for argument in config.args):
         return
     left = [i for i in items if (m := i.get_closest_marker("in_turn")) and
-            not its_turn(i.nodeid, *m.args)]  # fmt: skip
+            not its_turn(i.path.name, *m.args)]  # fmt: skip
     config.hook.pytest_deselected(items=left)
     items[:] = [item for item in items if item not in set(left)]
 

@@ -129,6 +129,7 @@ sys.meta_path.insert(0, Finder())
 """
 
 
+@pytest.mark.in_turn(2)
 def test_colcon_test_runs_without_what_pip_alone_installs(
     sources: Path, built: Path, tmp_path: Path
 ) -> None:

@@ -23,9 +23,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support import in_turn
 import yaml
 import zstandard
+from support import in_turn
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire import records as r
