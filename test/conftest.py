@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import re
 import shutil
@@ -33,9 +34,10 @@ from typing import Any, NoReturn
 
 import hypothesis
 import pytest
-from support import examples
+from support import examples, its_turn
 from support.places import ROOT
 
+from flea_diag.tools.garbage import search_less
 from flea_diag.wire.records import Scan
 
 # CI judges a change, not a draw of luck: the same examples each time there, new ones elsewhere.
@@ -85,8 +87,9 @@ def _follows_a_stand(path: Path) -> bool:
     return path.relative_to(HERE).as_posix() in IN_REAL_TIME
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Files that start nodes come first: they mostly wait, and a stand fills the time."""
+    _leave_out_whose_turn_it_is_not(config, items)
     paths = {item.path for item in items}
     live = {path for path in paths if starts_nodes(path)}
     missed = {i.path for i in items if "domain" in getattr(i, "fixturenames", ())} - live
@@ -94,6 +97,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         raise pytest.UsageError(f"{min(missed)}: says nowhere 'domain: int', but starts nodes")
     items.sort(key=lambda item: (not _follows_a_stand(item.path), item.path not in live,
                                  _place(item.path)))  # fmt: skip
+
+
+def _leave_out_whose_turn_it_is_not(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Of tests that are marked ``in_turn``, where folders are asked for and not they themselves."""
+    if not all(Path(argument).is_dir() for argument in config.args):
+        return
+    left = [i for i in items if (m := i.get_closest_marker("in_turn")) and
+            not its_turn(i.path.name, *m.args)]  # fmt: skip
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in set(left)]
 
 
 def _place(path: Path) -> int:
@@ -239,6 +252,12 @@ def pytest_collection(session: pytest.Session) -> Iterator[None]:
     while not read.exists() and time.monotonic() < end:
         never.wait(0.1)
     return (yield)
+
+
+def pytest_collection_finish() -> None:
+    """What has been read is no garbage: no search need go through it again and again."""
+    gc.freeze()
+    search_less()
 
 
 SHARED = "SHARED_BY_WORKERS"

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from support import in_turn
 from support.places import ROOT
 
 pytest.importorskip("numba")
@@ -86,7 +87,7 @@ def run(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ending", "content"), [("nbi", b""), ("nbi", b"\x80\x05K"), ("nbc", b"garbage")]
+    ("ending", "content"), in_turn([("nbi", b""), ("nbi", b"\x80\x05K"), ("nbc", b"garbage")], 3)
 )
 def test_a_damaged_file_is_made_anew(ending: str, content: bytes, tmp_path: Path) -> None:
     assert doubled(tmp_path).stdout == "42.0\n"

@@ -160,17 +160,30 @@ def bridge(recent: Array, smooth: Array, period_s: float, skip: int = 0) -> Arra
     gaps = sliding(missing, length)
     barred = np.asarray(sliding(np.isinf(recent), length).any(axis=1))
     noise: Array | None = None
+    made: dict[bytes, tuple[Array, Array]] = {}
     for channel in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)):
         windows = gaps[:, :, channel]
         lost = np.where(barred[:, channel], 0, np.count_nonzero(windows, axis=1))[skip:]
-        for k in (skip + np.flatnonzero((lost > 0) & (lost < length - 1))).tolist():
-            kernels, amplified = gap_kernels(windows[k].tobytes(), period_s)
-            readings = np.where(windows[k], 0.0, recent[k : k + length, channel])
-            smooth[k, :, channel] = kernels @ readings
-            if noise is None:
-                noise = np.ones_like(smooth)
-            noise[k, :, channel] = amplified
+        few = skip + np.flatnonzero((lost > 0) & (lost < length - 1))
+        if not len(few):
+            continue
+        patterns = np.ascontiguousarray(windows[few])
+        key = patterns.tobytes()  # a lost scan is one of all channels
+        kernels, amplified = made[key] = made.get(key) or _kernels_of(patterns, period_s)
+        readings = np.where(patterns, 0.0, sliding(recent, length)[few, :, channel])
+        # A product for each row, as of one alone: the same last bits.
+        smooth[few, :, channel] = np.matmul(kernels, readings[..., None])[..., 0]
+        if noise is None:
+            noise = np.ones_like(smooth)
+        noise[few, :, channel] = amplified
     return noise
+
+
+def _kernels_of(patterns: Flags, period_s: float) -> tuple[Array, Array]:
+    """Kernels of several patterns, shape (n, 3, length), and noise, (n, 3); see ``gap_kernels``."""
+    found = [gap_kernels(pattern.tobytes(), period_s) for pattern in patterns]
+    kernels, noise = (np.stack(every) for every in zip(*found, strict=True))
+    return kernels, noise
 
 
 def sliding(rows: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:

@@ -21,6 +21,7 @@ import signal
 import time
 
 import numpy as np
+import pytest
 from support.live import Peer, Process, node, toy
 
 from flea_diag.wire.records import ChannelTable, Health, Scan, Truth, VibrationBlock
@@ -170,6 +171,7 @@ def test_a_graph_on_simulated_time_goes_by_the_stands_clock(domain: int) -> None
     assert scans[0] < told.stamp_ns < scans[-1] + NANOSECONDS
 
 
+@pytest.mark.in_turn(2)
 def test_the_stand_follows_what_the_data_bus_commands(domain: int) -> None:
     """Positions of a topic move the stand; what is out of reach is refused, silence is told."""
     from std_msgs.msg import Float64

@@ -16,9 +16,11 @@
 
 from __future__ import annotations
 
+import pytest
 from support import relay
 
 
+@pytest.mark.in_turn(2)
 def test_a_relay_node_between_stand_and_diagnoser(domain: int) -> None:
     """Losses, delays and duplicates over DDS, to a process of its own."""
     run = relay.relayed("everything", 7, domain)

@@ -34,6 +34,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from support import in_turn
 from support.live import ROOT, Process, environment
 from support.places import SHIPPED_STANDS
 
@@ -98,7 +99,7 @@ def built(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return colcon_prefix(sources, tmp_path_factory.mktemp("built"))
 
 
-@pytest.fixture(scope="session", params=["pip", "colcon", "colcon --symlink-install"])
+@pytest.fixture(scope="session", params=in_turn(["pip", "colcon", "colcon --symlink-install"], 3))
 def prefix(
     request: pytest.FixtureRequest, sources: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
@@ -128,6 +129,7 @@ sys.meta_path.insert(0, Finder())
 """
 
 
+@pytest.mark.in_turn(2)
 def test_colcon_test_runs_without_what_pip_alone_installs(
     sources: Path, built: Path, tmp_path: Path
 ) -> None:

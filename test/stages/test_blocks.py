@@ -176,6 +176,7 @@ FAULTS = st.tuples(
 )
 
 
+@pytest.mark.in_turn(2)
 @example("jam", [("sparse", 50, 1100, 0.0)], [400, 7, 61])
 @example("healthy", [("back", 403, 1, float("nan"))], [203])  # back into the warm-up just over
 @example("turned", [], [203])

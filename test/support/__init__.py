@@ -20,6 +20,7 @@ import os
 import time
 from collections.abc import Sequence
 from typing import TypeVar
+from zlib import crc32
 
 T = TypeVar("T")
 ALL, TURN = "ALL_EXAMPLES", "TURN_OF_CASES"
@@ -44,3 +45,9 @@ def in_turn(cases: Sequence[T], share: int = SHARE) -> list[T]:
     if os.environ.get(ALL):
         return list(cases)
     return list(cases[int(os.environ[TURN]) % share :: share])
+
+
+def its_turn(name: str, share: int) -> bool:
+    """Whether a test of this name is tried today, of every so-and-so-many days one."""
+    turn = int(os.environ[TURN])
+    return bool(os.environ.get(ALL)) or (crc32(name.encode()) - turn) % share == 0

@@ -35,6 +35,7 @@ def test_a_command_leaves_what_was_there_or_all_that_it_writes(name: str, tmp_pa
     assert [each for each in found if each.wrong] == []
 
 
+@pytest.mark.in_turn(2)
 def test_a_recorder_ends_with_a_word_and_keeps_what_it_was_given(tmp_path: Path) -> None:
     count = recorded(0, _fresh(tmp_path, 0)).count
     assert count > 30

@@ -153,6 +153,7 @@ def test_the_stand_ends_by_itself_with_the_right_verdict(
     assert (tmp_path / "bag" / "metadata.yaml").is_file()
 
 
+@pytest.mark.in_turn(2)
 def test_a_replay_with_separate_nodes_ends_by_itself(domain: int, prefix: str) -> None:
     command = launched(
         "replay.launch.py", f"bag:={BAGS / 'jam'}", "rate:=2.0", "composed:=false", "console:=false"
@@ -193,6 +194,7 @@ def generate_launch_description():
 """
 
 
+@pytest.mark.in_turn(2)
 def test_in_a_larger_launch_a_stand_ends_alone_a_viewer_comes_again_and_ctrl_c_ends_all(
     domain: int, prefix: str, tmp_path: Path
 ) -> None:

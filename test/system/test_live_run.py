@@ -41,6 +41,7 @@ def command(bag: Path, *arguments: str) -> list[str]:
     return [sys.executable, "-m", module, "--headless", "--bag", str(bag), *arguments]
 
 
+@pytest.mark.in_turn(2)
 def test_nodes_that_are_killed_come_back_and_an_interrupted_run_sums_up(
     domain: int, tmp_path: Path
 ) -> None:
@@ -70,6 +71,7 @@ def test_nodes_that_are_killed_come_back_and_an_interrupted_run_sums_up(
     assert all(b - a == 10_000_000 for part in stamps for a, b in itertools.pairwise(part))
 
 
+@pytest.mark.in_turn(2)
 def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_path: Path) -> None:
     """Nobody else is left to tell it of what was before."""
     fault = ("--fault", "motor_temperature_bias", "--at", "8", "--for", "600")

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import in_turn
 from support.decisions import BAGS, DECIDED, NAMES, decisions, expected
 from support.flight import SOURCES, Flight
 from support.live import Peer, Process, node
@@ -158,7 +159,7 @@ def agree(flown: list[Record], summary: dict[str, Any], name: str) -> None:
     assert digest(flown) == summary["digest"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", in_turn(NAMES, 2))
 def test_the_composed_node_decides_the_same(
     name: str, composed: Flight, replayed: Summaries
 ) -> None:

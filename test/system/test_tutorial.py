@@ -187,6 +187,7 @@ def values(bag: Path) -> npt.NDArray[np.float64]:
     return np.array([scan.values for _, scan in read_bag(bag, (Scan,)) if isinstance(scan, Scan)])
 
 
+@pytest.mark.in_turn(2)
 def test_the_bridge_leads_to_the_decisions_of_the_import(folder: Path, domain: int) -> None:
     """Detection, symbols and the verdict on /ambiguity_group are those of the replayed import."""
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")

@@ -47,6 +47,7 @@ def cluster() -> Iterator[Any]:
         yield started
 
 
+@pytest.mark.in_turn(2)
 def test_a_replay_gives_what_it_gives_here(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

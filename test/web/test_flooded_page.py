@@ -75,6 +75,7 @@ def test_a_fault_without_a_procedure_says_whom_to_ask(flooded: PageSession) -> N
     flooded.browser.until_text("#panel-answer", "No procedure is stated for this fault: ask")
 
 
+@pytest.mark.in_turn(2)
 def test_names_break_within_their_panel_at_every_size(flooded: PageSession) -> None:
     """Nothing runs out of its box, is cut off, or makes the bar grow."""
     browser = flooded.browser

@@ -88,6 +88,7 @@ def _needs_a_browser() -> None:
         pytest.skip(browsers.missing())
 
 
+@pytest.mark.in_turn(2)
 def test_no_word_of_ours_is_left_in_english(tmp_path: Path) -> None:
     both = []
     for code in ("en", "de"):
@@ -102,6 +103,7 @@ def test_no_word_of_ours_is_left_in_english(tmp_path: Path) -> None:
     assert any("Einer von jam." in text for text in german), german
 
 
+@pytest.mark.in_turn(2)
 def test_german_is_as_readable_and_fits_as_well(tmp_path: Path) -> None:
     """Longer words break no bar: axe in both themes, at every size, and nothing to the side."""
     with page_session(tmp_path, "de") as session:

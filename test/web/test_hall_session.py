@@ -46,6 +46,7 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[HallSession]:
         yield opened
 
 
+@pytest.mark.in_turn(2)
 def test_the_list_is_for_everybody(hall: HallSession) -> None:
     """No finding of axe, in both themes, at every size."""
     drawn = "document.querySelectorAll('a.stand').length >= 5"

@@ -237,6 +237,7 @@ def test_the_bar_stands_still_and_is_small_at_every_size(session: PageSession) -
     browser.size(1440, 1000)
 
 
+@pytest.mark.in_turn(2)
 def test_whoever_cannot_see_it_reads_it_all_the_same(session: PageSession) -> None:
     """No finding of axe, in both themes, at every size, with an alarm."""
     browser = session.browser

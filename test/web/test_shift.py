@@ -31,6 +31,7 @@ from support.screens.shift import shift_of
 RESTART_PAGE = 1
 
 
+@pytest.mark.in_turn(3)
 def test_journal_page_report_and_recording_agree_to_the_second(tmp_path: Path) -> None:
     if browsers.missing():
         pytest.skip(browsers.missing())

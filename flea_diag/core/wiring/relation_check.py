@@ -179,14 +179,17 @@ class RelationCheck(Frozen):
         use = np.isfinite(values)
         if self._known.rows[place].gate == "moving":
             use &= formed.moving
-        spread = np.zeros((len(values), len(UNIT_PARAMETERS)))
+        rows, units = np.flatnonzero(use), 1 + len(UNIT_PARAMETERS)
+        samples = np.zeros((len(rows), units + basis.shape[1]))
+        samples[:, 0] = values[rows]
         if place in self._known.spreading:
-            spread = formed.spread[:, self._known.spreading.index(place)]
-        samples = np.column_stack((values, np.nan_to_num(spread), np.nan_to_num(basis)))[use]
+            samples[:, 1:units] = formed.spread[rows, self._known.spreading.index(place)]
+        samples[:, units:] = basis[rows]
+        np.nan_to_num(samples, copy=False)
         if formed.noise is not None:
             # What was bridged is noisier: it counts for less.
-            samples /= formed.noise[use, place, None]
-        return samples, np.nan_to_num(np.abs(formed.speed_m_s[use]))
+            samples /= formed.noise[rows, place, None]
+        return samples, np.nan_to_num(np.abs(formed.speed_m_s[rows]))
 
 
 def _averaged(place: int, window: WindowLimit, samples: Array, speeds: Array) -> Stretches:

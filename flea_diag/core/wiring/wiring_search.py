@@ -21,7 +21,7 @@ what a fault of the catalogue explains as well is not sure.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,13 +113,18 @@ class WiringSearch(Frozen):
         """Wirings without which all relations hold, by so much less in squares."""
         residuals = (self._known.rows[place].name for place in (found.place, found.raw_place))
         suspects = {channel for name in residuals for channel in channels_of(self._known, name)}
-        every = list(wiring_faults(self._known, rows, suspects))
-        for channel in (name for name in self._known.channels if name in suspects):
-            every.append(self._best(rows, found, lags(channel, self._period_s)))
-        for fault in every:
+        for fault in self._suspected(rows, found, suspects):
             held = self._without(rows, found, fault)
             if held and held.is_typical and held.squares <= found.squares - better:
                 yield held, fault
+
+    def _suspected(
+        self, rows: Array, found: Holding, suspects: Collection[str]
+    ) -> Iterator[WiringFault]:
+        """Wirings of these channels, of lags the best one of each."""
+        yield from wiring_faults(self._known, rows, suspects)
+        for channel in (name for name in self._known.channels if name in suspects):
+            yield self._best(rows, found, lags(channel, self._period_s))
 
     def _silent(self, rows: Array, fault: WiringFault) -> float:
         """Squares where the channel says nothing: what is dead, or noise, explains no more."""

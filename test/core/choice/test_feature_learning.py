@@ -256,6 +256,7 @@ def bearing_orders() -> dict[str, float]:
     return {"bearing_outer": 3.5848, "bearing_inner": 5.4152, "bearing_ball": 4.7135}
 
 
+@pytest.mark.in_turn(3)
 @pytest.mark.slow
 def test_learn_judge_and_tree_on_a_small_draw(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -111,6 +111,7 @@ rclpy.spin(node)
 """
 
 
+@pytest.mark.in_turn(2)
 def test_who_listens_reads_the_verdict_by_its_fields(types: Path, domain: int) -> None:
     known = os.environ.get("LD_LIBRARY_PATH", "")
     places = {"PYTHONPATH": f"{types}:{ROOT}", "LD_LIBRARY_PATH": f"{types}:{known}"}

@@ -19,6 +19,7 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import pytest
 from support.decisions import BAGS
 from support.live import Peer, Process, node
 
@@ -51,6 +52,7 @@ def player(*parameters: str) -> list[str]:
     return node("player", *given)
 
 
+@pytest.mark.in_turn(2)
 def test_the_diagnosis_gets_all_that_the_stand_sent_and_nothing_else(domain: int) -> None:
     sent = [record for _, record in BagReader(BAG).records(SOURCES)]
     counts = {kind: sum(isinstance(record, kind) for record in sent) for kind in SOURCES}

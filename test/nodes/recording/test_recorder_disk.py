@@ -95,6 +95,7 @@ def test_a_read_only_place_is_refused_in_one_line(domain: int) -> None:
     assert "Traceback" not in process.output
 
 
+@pytest.mark.in_turn(2)
 def test_a_disk_that_does_not_answer_for_seconds_costs_no_message(
     domain: int, tmp_path: Path
 ) -> None:

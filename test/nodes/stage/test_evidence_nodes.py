@@ -76,6 +76,7 @@ def flown(flight: Flight, rate: float, wanted: str) -> list[Record]:
     return said
 
 
+@pytest.mark.in_turn(2)
 def test_three_nodes_weigh_as_a_replay(domain: int, by_evidence: tuple[str, ...]) -> None:
     expected = replayed(dragged())
     last = [record for record in expected if isinstance(record, AmbiguityGroup)][-1]

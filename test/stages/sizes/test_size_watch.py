@@ -84,6 +84,7 @@ def told(stand: Stand) -> list[SizeTrend]:
     return followed(stand)
 
 
+@pytest.mark.in_turn(2)
 def test_its_growth_and_its_end_are_told_while_it_grows(told: list[SizeTrend]) -> None:
     start_ns = next(record.stamp_ns for record in sent() if isinstance(record, Scan))
     end_ns = start_ns + round((ONSET_S + GROWS_S * LIMIT / SHARE) * 1e9)
@@ -101,6 +102,7 @@ def test_its_growth_and_its_end_are_told_while_it_grows(told: list[SizeTrend]) -
     assert all(end_ns <= t.high_ns for t in ahead if t.high_ns != NEVER_NS)
 
 
+@pytest.mark.in_turn(2)
 def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(
     stand: Stand, told: list[SizeTrend]
 ) -> None:
@@ -115,6 +117,7 @@ def test_scan_by_scan_it_is_the_same_but_for_the_order_of_sums(
         assert one.sigma == pytest.approx(other.sigma, rel=1e-5)
 
 
+@pytest.mark.in_turn(2)
 def test_many_sizes_become_fewer_that_hold_as_much(
     stand: Stand, told: list[SizeTrend], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -112,6 +112,7 @@ def made(bags: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+@pytest.mark.in_turn(2)
 def test_the_file_names_its_bags_and_holds_what_the_same_runs_teach_directly(made, bags):
     calibration = load_calibration(made)
     assert calibration.sources == tuple(path.name for path in bags)
@@ -266,6 +267,7 @@ def test_bags_of_another_actuator_than_described_are_refused(two, tmp_path, caps
     assert not target.exists()
 
 
+@pytest.mark.in_turn(2)
 def test_a_recording_with_a_fault_in_it_is_named_and_left_out(bags, tmp_path, capsys):
     drag = ema.run(ema.HEALTHY, 24.0, faulty=ema.changed(coulomb=200.0), onset_s=12.0)
     odd, target = bag(tmp_path / "dragging", ema.noisy(drag, 9)), tmp_path / "out.yaml"

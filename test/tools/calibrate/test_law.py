@@ -82,6 +82,7 @@ def found():
     return learn(runs, STAND.actuator, 0.1, faults=STAND.faults)
 
 
+@pytest.mark.in_turn(2)
 def test_two_recordings_with_the_same_fault_do_not_mask_each_other(found):
     assert set(found.unlike) == {"dragged0", "dragged2"}
     for reason in found.unlike.values():
@@ -98,6 +99,7 @@ def test_what_is_left_is_the_law_of_the_others_and_stands_in_the_file(found):
     assert "jam, coulomb drag" in said
 
 
+@pytest.mark.in_turn(2)
 def test_a_calibration_without_a_catalogue_holds_no_law_and_the_same_limits():
     plain = of_four()
     assert plain.law is None

@@ -267,6 +267,7 @@ def test_every_extra_that_is_asked_for_is_one_that_can_be_installed() -> None:
             assert f'"{package.lower()}>=' in listed[1], package
 
 
+@pytest.mark.in_turn(2)
 def test_the_shipped_small_campaign_loses_no_row(tmp_path: Path) -> None:
     assert main(["evaluate", "small.yaml", "-o", str(tmp_path / "out"), "-j", "2", "-q"]) == 0
 

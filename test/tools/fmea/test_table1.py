@@ -19,6 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support import in_turn
 from support.places import FLEA_STAND
 
 from flea_diag.configuration.stand import load_stand
@@ -37,7 +38,7 @@ ROWS = tuple(of_table1(known_faults(STAND), find_machine("flea"), SEED))
 MODES = {mode.name: mode for mode in FAILURE_MODES}
 
 
-@pytest.mark.parametrize("failure", ROWS, ids=str)
+@pytest.mark.parametrize("failure", in_turn(ROWS, 2), ids=str)
 def test_a_bag_of_each_failure_mode_is_diagnosed_as_the_table_says(
     failure: Failure, tmp_path: Path
 ) -> None:

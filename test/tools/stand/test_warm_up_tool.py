@@ -111,6 +111,7 @@ def warm(cold: Ran, folder: Path) -> Ran:
     return warmed_up(folder, "--check")
 
 
+@pytest.mark.in_turn(2)
 def test_what_is_warmed_up_is_not_compiled_again(cold: Ran, warm: Ran, folder: Path) -> None:
     assert cold.process.returncode == 1
     assert "NUMBA_CACHE_DIR" in cold.process.stderr

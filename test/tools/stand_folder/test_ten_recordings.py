@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support import in_turn
 from support.foreign import arm
 from support.foreign.recordings_of_others import (
     Sent,
@@ -145,7 +146,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", in_turn(list(CASES), 2))
 def test_a_recording_ends_right_or_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support import in_turn
 from support.bombs.mcap import (
     TIME_NS,
     chunk,
@@ -137,7 +138,7 @@ def readers(bag: Path) -> tuple[list[int], str, float]:
     return statuses, said, peak
 
 
-@pytest.mark.parametrize("name", BOMBS)
+@pytest.mark.parametrize("name", in_turn(list(BOMBS), 3))
 def test_a_bomb_is_refused_in_one_line_and_little_memory(name: str, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()

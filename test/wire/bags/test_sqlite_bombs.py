@@ -25,6 +25,7 @@ from pathlib import Path
 import pytest
 import yaml
 import zstandard
+from support import in_turn
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire import records as r
@@ -126,7 +127,7 @@ except RecordingError as error:
 """A reader with 500 MB of memory and files of 1 MB."""
 
 
-@pytest.mark.parametrize("name", BOMBS)
+@pytest.mark.parametrize("name", in_turn(list(BOMBS), 3))
 def test_a_bomb_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
     make, words = BOMBS[name]
     make(tmp_path)
