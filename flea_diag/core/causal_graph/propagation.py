@@ -38,7 +38,8 @@ def scaled(symbol: str, sign: int) -> str:
 
 def combined(symbols: Iterable[str]) -> str:
     """Sign of the sum of effects of one order; ``*`` when they oppose each other."""
-    kinds = set(symbols) - {"0"}
+    kinds = set(symbols)
+    kinds.discard("0")
     if not kinds:
         return "0"
     return kinds.pop() if len(kinds) == 1 else "*"
@@ -90,19 +91,22 @@ def propagate_forward(
     An instantaneous edge keeps the order, a temporal one raises it by one; contributions of
     the same order add up (Mosterman and Biswas 1999).
     """
-    entering = tuple(entering)
-    signed = {v: [(e, e.sign(values)) for e in graph.into[v]] for v in graph.vertices}
+    begun: dict[tuple[str, int], list[tuple[str, str]]] = {}
+    for each in entering:
+        begun.setdefault((each.vertex, each.order), []).append((each.symbol, each.cause))
+    signed = {
+        v: [(e.source, e.temporal, sign) for e in graph.into[v] if (sign := e.sign(values))]
+        for v in graph.vertices
+    }
     found: dict[tuple[str, int], tuple[str, str]] = {}
     for order in range(MAX_ORDER + 1):
-        for vertex in graph.vertices:
-            parts = [
-                (i.symbol, i.cause) for i in entering if (i.vertex, i.order) == (vertex, order)
-            ]
-            for edge, sign in signed[vertex]:
-                before = found.get((edge.source, order - edge.temporal))
+        for vertex, edges in signed.items():
+            parts = begun.get((vertex, order), []).copy()
+            for source, temporal, sign in edges:
+                before = found.get((source, order - temporal))
                 if before is not None:
                     parts.append((scaled(before[0], sign), before[1]))
-            symbol = combined(s for s, _ in parts)
+            symbol = combined([s for s, _ in parts]) if parts else "0"
             if symbol != "0":
                 first = next(path for s, path in parts if s != "0")
                 found[vertex, order] = (symbol, f"{first} -> {vertex}{symbol}")
