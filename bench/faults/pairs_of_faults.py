@@ -20,8 +20,8 @@ python bench/faults/pairs_of_faults.py 5 --machine ema --seed 4400
 Two faults are drawn from the catalogue with sizes by the machine's own. A pair counts where each
 member alone is detected and in its last group, and where both act differently on the relations.
 ``masked``: one of both keeps motion, current or the very reading of the other away, or is a dead
-reading that each relation which the other moves holds: the verdict says that it hides them. Both
-are named where the last verdict holds both in a set of at most four names.
+reading that each relation which the other moves holds: the verdict on it alone says that it hides
+the other. Both are named where the last verdict holds both in a set of at most four names.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ MOST = 4
 STOPPING = ("winding_open", "motor_failure", "supply_open", "supply_short")
 """Faults after which no current flows and nothing moves by itself."""
 SIGNED = ("bias", "drift")
+HIDDEN = "hidden by "
+"""How the reason begins why a fault is not observable beside a dead reading."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ class Told:
     names: tuple[str, ...]
     detected_s: float
     words: str
+    hidden: frozenset[str]
 
     @property
     def is_certain(self) -> bool:
@@ -176,17 +179,23 @@ def told(stand: Stand, recorded: list[Record]) -> Told:
     last = groups[-1]
     names = tuple(member.fault for member in last.members)
     detected_s = (opened[0] - first_ns) / 1e9 if opened else -1.0
-    return Told(last.outcome, names, detected_s, last.words)
+    hidden = frozenset(name for name, why in last.not_observable if why.startswith(HIDDEN))
+    return Told(last.outcome, names, detected_s, last.words, hidden)
 
 
-def judged(pair: Pair) -> tuple[bool, Told]:
-    """Whether each member alone is detected and named, and what both ended with."""
+def judged(pair: Pair) -> tuple[bool, bool, Told]:
+    """Whether each member alone is detected and named, whether it says that it hides the other.
+
+    Then what both ended with.
+    """
     stand = known(pair.machine)[0]
+    is_masked = pair.is_masked
     for k, (name, fault) in enumerate(zip(pair.names, pair.faults, strict=True)):
         alone = told(stand, records(pair.scenario(k)))
         if alone.detected_s < fault.onset_s or name not in alone.names:
-            return False, alone
-    return True, told(stand, records(pair.scenario(0, 1)))
+            return False, is_masked, alone
+        is_masked = is_masked or pair.names[1 - k] in alone.hidden
+    return True, is_masked, told(stand, records(pair.scenario(0, 1)))
 
 
 def figures_of(found: list[tuple[Pair, Told]], kind: str) -> list[Figure]:
@@ -212,8 +221,8 @@ def main() -> int:
             seed = arguments.seed + 10 * number + MACHINES.index(machine)
             apart_s = APART_S * ((seed // 10) % 2)
             pair = drawn(machine, seed, apart_s)
-            counts, last = judged(pair)
-            kind = "masked" if pair.is_masked else "8 s apart" if apart_s else "at once"
+            counts, is_masked, last = judged(pair)
+            kind = "masked" if is_masked else "8 s apart" if apart_s else "at once"
             if counts:
                 found[kind].append((pair, last))
             names = ", ".join(last.names) or "-"

@@ -19,13 +19,13 @@ by its sign, by one of both at least; a residual that looks normal rules out not
 explain together is known of all pairs from one system (``pair_gains``), and the best of them are
 fitted like single faults are. A pair holds where it leaves no misfit, and where neither member can
 do without the other: each predicts a deviation that the other does not, or explains what
-the price of a second fault asks for.
+the price of a second fault asks for, and takes away what the other leaves beyond noise.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 
@@ -113,10 +113,22 @@ class Clues:
 
 @dataclass(frozen=True, slots=True)
 class Alone:
-    """What one fault explains by itself, and whether it leaves a misfit."""
+    """What one fault explains by itself, and what it leaves.
+
+    ``is_poor``: whether that is a misfit. ``left``: relations of which it is more than noise,
+    whatever the model of the fault may be off by.
+    """
 
     nats: float
     is_poor: bool
+    left: frozenset[str]
+
+    def fits(self, beside: frozenset[str]) -> bool:
+        """Whether it needs no second fault; ``beside``: of which a pair leaves more than noise.
+
+        What a model is off by, no other fault takes away: where one does, it was that one's.
+        """
+        return not self.is_poor and self.left <= beside
 
 
 class FaultPairs:
@@ -181,12 +193,13 @@ class FaultPairs:
             if most - row[0].log_likelihood <= drop_nats + KNOWN**2 * max(most, 0.0)
         }
         nats, alone = self._alone(sums, near, models, weighing)
+        left = {pair: self._beyond_noise(sums, pair, row[0]) for pair, row in near.items()}
         held = [
             FaultPair(pair, _members(row), nats[pair])
             for pair, row in near.items()
             if self._fits(sums, pair, row)
             and all(
-                nats[pair] - alone[name].nats >= _price(name, alone, clues)
+                nats[pair] - alone[name].nats >= _price(name, alone[name], clues, left[pair])
                 # Of a first fault that is known nothing need be shown again.
                 for name in (pair[:1] if clues.firsts else pair)
             )
@@ -226,30 +239,33 @@ class FaultPairs:
         for fit in fits[len(joined) :]:
             nats[fit.fault] = max(nats[fit.fault], fit.log_likelihood)
         pairs = zip(near, fits, strict=False)
-        poor = {name: self._is_poor(sums, models[name], weighing) for name in names}
         return (
             {pair: fit.log_likelihood for pair, fit in pairs},
-            {name: Alone(nats[name], poor[name]) for name in names},
+            {name: self._by_itself(sums, models[name], nats[name], weighing) for name in names},
         )
 
-    def _is_poor(
-        self, sums: EvidenceSums, models: Sequence[FaultModel], weighing: Weighing
-    ) -> bool:
-        """Whether a fault leaves a misfit, in weights that no other fault has told."""
+    def _by_itself(
+        self, sums: EvidenceSums, models: Sequence[FaultModel], nats: float, weighing: Weighing
+    ) -> Alone:
+        """What a fault leaves, in weights that no other fault has told."""
         known = [model for model in models if model.sizes]
         if not known:
-            return True
+            return Alone(nats, True, frozenset())
         best = max(fitted(sums, known, weighing), key=lambda fit: fit.log_likelihood)
-        return bool(self._goodness.misfits(sums, (self._faults[best.fault],), best))
+        poor = self._goodness.misfits(sums, (self._faults[best.fault],), best)
+        return Alone(nats, bool(poor), self._beyond_noise(sums, (best.fault,), best))
+
+    def _beyond_noise(self, sums: EvidenceSums, names: Iterable[str], fit: Fit) -> frozenset[str]:
+        return self._goodness.beyond_noise(sums, [self._faults[name] for name in names], fit)
 
 
-def _price(name: str, alone: Mapping[str, Alone], clues: Clues) -> float:
+def _price(name: str, alone: Alone, clues: Clues, beside: frozenset[str]) -> float:
     """Nats that another fault must add to this one: no end of them where this one fits.
 
     What a first fault left is known from before: since the second has begun, an unlikely unit may
     explain it as well.
     """
-    fits = not (alone[name].is_poor or clues.firsts)
+    fits = alone.fits(beside) and not clues.firsts
     return min(clues.least(name), math.inf if fits else SECOND_NATS)
 
 

@@ -23,7 +23,8 @@ should move and that stays quiet counts as well as one that deviates by itself.
 What a model leaves of a large fault is larger than any noise. A relation that the fault moves is
 held against it only where more of it is left than the model may be off by: a drag scatters, while
 of an error of a reading all is known but the size. Of a relation that it does not move nothing may
-be left but noise, however much of it the unit accounts for.
+be left but noise, however much of it the unit accounts for. That a model may be off is said before
+no other explanation: what a second fault takes away, the model of the first was not off by.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
@@ -81,13 +83,25 @@ class MeanScatter:
         return cls(square * max(short.window / block, 1.0), short.k)
 
 
-class GoodnessOfFit:
-    """Holds what fits leave against nominal recordings; ``moved``: fault -> relations it moves."""
+Relations = Mapping[str, Collection[str]]
+"""Of each fault."""
 
-    def __init__(self, calibration: Calibration, moved: Mapping[str, Collection[str]]) -> None:
+
+class GoodnessOfFit:
+    """Holds what fits leave against nominal recordings.
+
+    ``moved``: relations that a fault moves; ``heated``: those of them that no model says it of.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        moved: Relations,
+        heated: Relations = MappingProxyType({}),
+    ) -> None:
         names = [limit.name for limit in calibration.limits]
         self._nominal = {name: MeanScatter.of(calibration, name) for name in names}
-        self._moved = moved
+        self._moved, self._heated = moved, heated
 
     def left_by_all(
         self, sums: EvidenceSums, fits: Iterable[tuple[Fault, Fit | None]]
@@ -101,9 +115,25 @@ class GoodnessOfFit:
             found.append(misfits)
         return found[0] if found else ()
 
+    def exceeded_by_all(self, sums: EvidenceSums, fits: Iterable[tuple[Fault, Fit | None]]) -> bool:
+        """Whether each of one or more leaves more than noise, whatever its model is off by."""
+        return all(
+            fit is not None and self.beyond_noise(sums, (fault,), fit) for fault, fit in fits
+        )
+
+    def beyond_noise(self, sums: EvidenceSums, faults: Iterable[Fault], fit: Fit) -> frozenset[str]:
+        """Relations of which a fit leaves more than noise and heat, however large faults are."""
+        left = self._left(sums, fit, self._shares(faults, self._heated))
+        return frozenset(misfit.residual for misfit in left)
+
     def misfits(self, sums: EvidenceSums, faults: Iterable[Fault], fit: Fit) -> tuple[Misfit, ...]:
         """Relations that this fit of one or more faults does not explain, the worst first."""
-        shares = self._shares(faults)
+        return self._left(sums, fit, self._shares(faults, self._moved))
+
+    def _left(
+        self, sums: EvidenceSums, fit: Fit, shares: Mapping[str, float]
+    ) -> tuple[Misfit, ...]:
+        """The same, where so much of each relation may be left."""
         found = []
         rows = zip(sums.residuals, sums.blocks, sums.shown, fit.left, strict=True)
         for name, blocks, shown, left in rows:
@@ -115,11 +145,11 @@ class GoodnessOfFit:
                 found.append(Misfit(name, scatter, nominal.k))
         return tuple(sorted(found, key=lambda row: -row.scatter / row.limit))
 
-    def _shares(self, faults: Iterable[Fault]) -> dict[str, float]:
+    def _shares(self, faults: Iterable[Fault], moved: Relations) -> dict[str, float]:
         """What the models of these faults may leave of each relation that one of them moves."""
         found: dict[str, float] = {}
         for fault in faults:
             share = LEFT_OF_READING if fault.channel else LEFT_OF_PLANT
-            for name in self._moved.get(fault.name, ()):
+            for name in moved.get(fault.name, ()):
                 found[name] = max(share, found.get(name, 0.0))
         return found

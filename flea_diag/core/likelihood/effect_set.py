@@ -34,7 +34,7 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.likelihood.sensor_models import expected, sensor_models
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
-from flea_diag.core.residuals.measured_graph import rate_symbol
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import LATER_TOLERANCES, ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -51,6 +51,7 @@ from flea_diag.core.symbolic.expression import (
     Variable,
     evaluate,
     substitute,
+    symbols,
 )
 from flea_diag.core.symbolic.generated import compiled, function_source
 
@@ -126,6 +127,28 @@ class EffectSet(Frozen):
         """Signals that the isolator follows and this stand does not read."""
         followed = motion_signals(self.residuals)
         return tuple(name for name in followed if name not in self.relations.signals)
+
+    def needing(self, channel: str) -> frozenset[str]:
+        """Relations that hold a reading, or on which a fault acts by it.
+
+        Not predictions: what is predicted goes on without a neighbour that is not read.
+        """
+        read = {row.name: set(row.signals) for row in self.relations.relations}
+        for model in self.models:
+            for effect in model.effects:
+                if effect.residual in read:
+                    read[effect.residual].update(symbols(effect.basis))
+        read |= {name: {channel} for name, channel in self.residuals.predictions.items()}
+        return frozenset(
+            name for name, signals in read.items() if any(channel in self._of(s) for s in signals)
+        )
+
+    def _of(self, signal: str) -> set[str]:
+        """Channels that a signal is made of."""
+        shape = self.relations.shapes.get(signal) or self.shapes.get(signal)
+        if shape is not None:
+            return set().union(*map(self._of, symbols(shape)))
+        return {channel_of(signal)[0]}
 
     @cached_property
     def functions(self) -> Mapping[str, FunctionType]:

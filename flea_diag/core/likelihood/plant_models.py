@@ -22,7 +22,9 @@ from flea_diag.core.faults.effect_row import SizeRow
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.effects import EffectRules, Effects
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
-from flea_diag.core.symbolic.expression import Constant
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.symbolic.collect import power_of
+from flea_diag.core.symbolic.expression import Constant, symbols
 
 
 def plant_models(fault: Fault, rules: EffectRules) -> Iterable[SymbolicModel]:
@@ -36,6 +38,23 @@ def plant_models(fault: Fault, rules: EffectRules) -> Iterable[SymbolicModel]:
         )
         for roughness in row.roughness:
             yield SymbolicModel(fault.name, sizes, effects, roughness, row.vibration_only)
+
+
+def supplied(fault: Fault, relations: RelationSet) -> frozenset[str]:
+    """Predictions whose supply a fault changes, though none of its models says by how much.
+
+    So a drag heats a nut, and a winding of a higher resistance itself.
+    """
+    sizes = [size for row in fault.effects for size in row.sizes]
+    scaled = {name for size in sizes for name, _ in size.scales}
+    changed = {name for size in sizes for name, _ in size.moves}
+    changed |= {
+        name
+        for name, definition in relations.base.items()
+        if any(power_of(physical, definition) for physical in scaled)
+    }
+    rows = relations.predictions
+    return frozenset(row.name for row in rows if changed & set(symbols(row.supply)))
 
 
 def _effects(size: SizeRow, rules: EffectRules, index: int) -> Effects:

@@ -168,6 +168,14 @@ class FaultEpisode:
         weighed = {n for n, blocks in zip(sums.residuals, sums.blocks, strict=True) if blocks}
         return tuple(sorted(r for r in self.isolation.overruled if relation(r) not in weighed))
 
+    def without_value(self) -> frozenset[str]:
+        """Weighed relations that have had no value in the last seconds."""
+        sums, looks = self.evidence.equations.now, self.second.looks
+        whole = len(looks) == looks.maxlen
+        blocks = sums.blocks - looks[0].sums.blocks if whole else sums.blocks
+        rows = zip(sums.residuals, blocks, strict=True)
+        return frozenset(name for name, count in rows if count < 1.0)
+
     def is_conclusive(self) -> bool:
         """Whether likelihoods may drop faults.
 

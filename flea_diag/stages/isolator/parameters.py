@@ -28,6 +28,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.isolation.pair_models import Death, Models, deaths
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.plant_models import supplied
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.signatures.signature import SignatureTable
 from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
@@ -154,19 +155,24 @@ class Knowledge:
 
     @cached_property
     def moved(self) -> dict[str, set[str]]:
-        """Fault -> residuals that it moves by its models or signatures, and a lone temperature.
+        """Fault -> residuals that it moves by its models, and those that it heats."""
+        found = {name: set(heated) for name, heated in self.heated.items()}
+        for model in self.effects.models:
+            found[model.fault].update(effect.residual for effect in model.effects)
+        return found
 
-        A drag heats a nut by more than any model says. By one thermocouple a unit that is warmer is
-        not told from an error of it.
+    @cached_property
+    def heated(self) -> dict[str, frozenset[str]]:
+        """Fault -> temperatures that it changes by more than any model says.
+
+        Those that it heats, as a drag does a nut, and a lone one: by one thermocouple a unit that
+        is warmer is not told from an error of it.
         """
         alone = self.effects.residuals.lone_temperature
-        found: dict[str, set[str]] = {}
-        for model in self.effects.models:
-            found.setdefault(model.fault, set(alone)).update(e.residual for e in model.effects)
-        for table in self.signatures.values():
-            for fault, row in table.items():
-                found.setdefault(fault, set(alone)).update(n for n in row if row[n].affected)
-        return found
+        return {
+            name: supplied(fault, self.effects.relations).union(alone)
+            for name, fault in self.faults.items()
+        }
 
     def deaths(self, models: Models) -> dict[str, Death]:
         """What each dead reading hides of these faults."""

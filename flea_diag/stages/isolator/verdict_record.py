@@ -203,7 +203,8 @@ class VerdictRecord:
         never = {fault for fault, _ in self._not_observable(stand)}
         named: Sequence[tuple[str, ...]] = [pair.faults for pair in episode.second.pairs]
         named = named or [(name,) for name in episode.names()]
-        return tuple(row for row in self._masking.hidden(named) if row[0] not in never)
+        hidden = self._masking.hidden(named, episode.without_value())
+        return tuple(row for row in hidden if row[0] not in never)
 
     def _not_looked_for(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand can show, but whose tests had nothing to judge."""

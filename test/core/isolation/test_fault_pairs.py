@@ -129,11 +129,11 @@ def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
     return [pair.faults for pair in pairs(known, said)]
 
 
-def pairs(known: NormalEquations, said: Clues) -> tuple[FaultPair, ...]:
+def pairs(known: NormalEquations, said: Clues, models: Models = MODELS) -> tuple[FaultPair, ...]:
     sums = known.now
     goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))), MOVED)
     search = FaultPairs(stands.knowledge().faults, goodness, dead())
-    return search.search(sums, MODELS, MODELS, weighing(sums), said, 3.5)
+    return search.search(sums, models, models, weighing(sums), said, 3.5)
 
 
 def test_two_faults_are_found_with_their_sizes() -> None:
@@ -165,6 +165,27 @@ def test_a_pair_that_leaves_a_misfit_is_none() -> None:
     )
     assert found(BOTH, clues(SEEN))
     assert found(more, clues({VOLTS: (BIAS,), FORCE: (LOAD,)})) == []
+
+
+@pytest.mark.parametrize(
+    ("uneven", "held"),
+    [
+        (lambda wave: 4.0 * wave, [{"jam", LOAD}]),
+        (lambda wave: 4.0 * np.sign(np.diff(wave, prepend=0.0)), []),
+    ],
+)
+def test_what_a_second_fault_takes_away_is_not_what_a_model_may_be_off_by(
+    uneven: Callable[[np.ndarray], np.ndarray], held: list[set[str]]
+) -> None:
+    """A jam may leave as much as it explains, where no second fault explains that."""
+    models = {
+        **MODELS,
+        "jam": [model("jam", Term(FORCE, "one", 1.0))],
+        LOAD: [model(LOAD, Term(FORCE, "wave", 1.0))],
+    }
+    known = evidence((FORCE, lambda wave: 8.0 + uneven(wave)))
+    said = clues({FORCE: (LOAD, "jam")})
+    assert [set(pair.faults) for pair in pairs(known, said, models)] == held
 
 
 def test_what_the_onset_rules_out_is_in_no_pair() -> None:

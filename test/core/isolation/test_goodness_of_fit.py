@@ -122,6 +122,19 @@ def test_an_error_of_a_reading_leaves_less_than_a_drag_may(fault: str, words: li
     assert poor((8.0, 0.0), FIRST, fault, wave=2.0) == []
 
 
+@pytest.mark.parametrize(("wave", "exceeds"), [(4.0, True), (0.0, False)])
+def test_what_a_model_may_be_off_by_is_more_than_noise(wave: float, exceeds: bool) -> None:
+    known, _ = evidence((8.0, 0.0), wave=wave)
+    fit, jam = fitted(known, FIRST), stands.knowledge().faults["jam"]
+    moved = {"jam": NAMES[:1]}
+    goodness = GoodnessOfFit(CALIBRATION, moved)
+    assert not goodness.misfits(known.now, (jam,), fit)
+    assert goodness.exceeded_by_all(known.now, [(jam, fit)]) is exceeds
+    assert not goodness.exceeded_by_all(known.now, [(jam, fit), (jam, None)])
+    # Of heat no model says how much it is.
+    assert not GoodnessOfFit(CALIBRATION, moved, moved).exceeded_by_all(known.now, [(jam, fit)])
+
+
 def test_what_is_left_is_said_in_healthy_scatters() -> None:
     known, y = evidence((3.0, 3.0))
     (row,) = misfits(known, FIRST)

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -22,8 +23,14 @@ import pytest
 from support import stands
 from support.models import linear_ema as ema
 
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.messages.codec import decode, encode
-from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Detection, Outcome, Record, Scan
+from flea_sim_driver.scenario.library import find_scenario
+from flea_sim_driver.scenario.settings import FaultSetting
+from flea_sim_driver.stand import SimulatedStand
 
 FIRST_S, SECOND_S = 10.0, 18.0
 
@@ -96,3 +103,36 @@ def test_what_a_dead_reading_hides_is_not_observable() -> None:
     assert hidden["jam"].startswith("hidden by load_force_dead")
     assert "winding_resistance_rise" not in hidden
     assert "jam" not in last.looked_for
+
+
+@lru_cache(maxsize=2)
+def on_the_wing(*faults: FaultSetting) -> AmbiguityGroup:
+    """The last verdict on a run of the aileron drive."""
+    found = find_scenario("nominal_trapezoid", "wing")
+    run = replace(found.run, seed=24472, duration_s=44.0)
+    sensors = replace(found.sensors, vibration=False)
+    stand = SimulatedStand(replace(found, run=run, sensors=sensors, faults=faults))
+    recorded = [r for r in stand if isinstance(r, (ChannelTable, Scan))]
+    kept = diagnose(iter(recorded), make_pipeline(load_stand("wing"))).kept
+    return [group for group in kept if isinstance(group, AmbiguityGroup)][-1]
+
+
+@pytest.mark.slow
+def test_what_a_model_may_be_off_by_hides_no_second_fault() -> None:
+    """An encoder that reads a quarter too much, and a drift of the position that is an eighth."""
+    first = FaultSetting("motor_speed_scaling", 12.0, 1.273)
+    second = FaultSetting("actuator_position_drift", 20.0, 0.000423)
+    assert stands.members(on_the_wing(first)) == {"motor_speed_scaling"}
+    last = on_the_wing(first, second)
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
+def test_what_needs_a_reading_that_is_withheld_is_not_observable() -> None:
+    last = on_the_wing(FaultSetting("actuator_position_dead", 12.0, 0.0))
+    assert stands.members(last) == {"actuator_position_dead"}
+    hidden = dict(last.not_observable)
+    assert hidden["motor_current_scaling"].startswith("hidden by actuator_position_dead")
+    assert "motor_voltage_bias" not in hidden
+    assert "motor_current_scaling" not in last.looked_for

@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.isolation.pair_models import PairModels, by_fault
@@ -33,15 +33,30 @@ class Masking:
         self._models = by_fault(models)
         self._dead = knowledge.deaths(self._models)
         self._pairs = PairModels(self._models, self._models, self._dead)
+        self._needing = {
+            name: knowledge.effects.needing(fault.channel)
+            for name, fault in knowledge.faults.items()
+            if fault.mode == "dead"
+        }
 
-    def hidden(self, pairs: Sequence[tuple[str, ...]]) -> tuple[tuple[str, str], ...]:
-        """Faults hidden by one that is in each of these sets of faults, each with the reason."""
-        named = [name for name in self._dead if pairs and all(name in pair for pair in pairs)]
+    def hidden(
+        self, pairs: Sequence[tuple[str, ...]], without_value: Collection[str] = ()
+    ) -> tuple[tuple[str, str], ...]:
+        """Faults hidden by one that is in each of these sets of faults, each with the reason.
+
+        A reading that is held is withheld, and relations that need it are ``without_value``.
+        """
+        named = [name for name in self._needing if pairs and all(name in pair for pair in pairs)]
         return tuple(
             (fault, f"hidden by {name}: each relation that shows it needs this reading")
             for name in named
             for fault in self._models
             if not any(fault in pair for pair in pairs)
             and not tested_alone(self._faults[fault], self._symptoms)
-            and all(not model.sizes for model in self._pairs.beside(fault, name))
+            and self._shown(fault, name) <= self._needing[name].intersection(without_value)
         )
+
+    def _shown(self, fault: str, dead: str) -> set[str]:
+        """Relations that would show a fault beside a dead reading, if they had a value."""
+        known = self._pairs.beside(fault, dead) if dead in self._dead else self._models[fault]
+        return {term.residual for model in known for term in model.terms}

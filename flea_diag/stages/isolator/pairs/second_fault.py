@@ -14,9 +14,9 @@
 
 """A second fault in an episode: whether one is suspected, since when, and which pairs explain both.
 
-Suspected where no single fault is left, where those that are left leave a misfit, in the whole
-episode or in its last seconds, and where a symbol contradicts a settled group. Nothing is searched
-otherwise: an episode that one fault explains costs one fit of its last seconds every two.
+Suspected where no single fault is left, where those that are left leave more than noise, in the
+whole episode or in its last seconds, and where a symbol contradicts a settled group. Nothing is
+searched otherwise: an episode that one fault explains costs one fit of its last seconds every two.
 
 A fault that begins later is in a part of the evidence only. So the sums of the episode are kept as
 they were every two seconds; their difference is the evidence since, in which both are throughout.

@@ -57,7 +57,7 @@ class SecondFaultSearch:
     ) -> None:
         self._quantitative, self._stand, self._jumps = quantitative, stand, jumps
         self._drop_nats, self._explain_nats = parameters.drop_nats, parameters.explain_nats
-        self._goodness = GoodnessOfFit(knowledge.calibration, knowledge.moved)
+        self._goodness = GoodnessOfFit(knowledge.calibration, knowledge.moved, knowledge.heated)
         known = by_fault(quantitative.models)
         self._models = {
             name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
@@ -98,14 +98,16 @@ class SecondFaultSearch:
             return True
         if episode.gains_less(self._explain_nats, self._quantitative.names, alive):
             return True
-        if self._goodness.left_by_all(sums, ((h.fault, h.fit) for h in alive)):
+        if self._goodness.exceeded_by_all(sums, ((h.fault, h.fit) for h in alive)):
             return True
+        exceeded = False
         if len(second.looks) == second.looks.maxlen:
             recent = sums.since(second.looks[0].sums)
             fits = self._fits(episode, recent, [h.name for h in alive])
             rows = [(h.fault, fits.get(h.name)) for h in alive]
             second.misfits = self._goodness.left_by_all(recent, rows)
-        return bool(second.misfits or episode.isolation.overruled)
+            exceeded = self._goodness.exceeded_by_all(recent, rows)
+        return bool(exceeded or episode.isolation.overruled)
 
     def _fits(
         self, episode: FaultEpisode, sums: EvidenceSums, names: Sequence[str]
