@@ -383,3 +383,10 @@ class ResidualRows:
         """Drop these residuals in these scans."""
         for column in columns:
             self.values[scans, column] = np.nan
+
+    def begin_anew(self, scans: Flags, columns: list[int]) -> None:
+        """End the means of residuals in these scans, shape (n, columns): no variance is known."""
+        if scans.any():
+            doubt = np.ones_like(self.values) if self.doubt is None else self.doubt
+            doubt[:, columns] = np.where(scans, np.nan, doubt[:, columns])
+            self.doubt = doubt

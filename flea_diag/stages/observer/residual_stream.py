@@ -98,6 +98,8 @@ class ResidualStream:
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns
+        self._followed = [known.index[channel] for channel in known.predictions.values()]
+        self._predictions = known.predicted_columns
         self._is_predicted = np.isin(known.channels, known.predicted)
         self._width = len(known.channels)
         self._p = c.parameters
@@ -289,6 +291,9 @@ class ResidualStream:
         # After the learning: the offsets of a unit are its own wherever it stands.
         if self.envelope is not None:
             self.envelope.leave_out(residuals)
+        if refused is not None:
+            # Readings that are told to be held were taken until then: their mean begins anew.
+            residuals.begin_anew(refused[:, self._followed], self._predictions)
         regressors = self._regressors.rows(held, residuals)
         place = self.envelope.place if self.envelope is not None else ANYWHERE
         doubted = alone if self._wanders else None

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from support import stands
@@ -23,6 +25,7 @@ from support.observer_scans import after, counters, healthy
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.stages.observer.sensor_validation import SensorValidation
+from flea_diag.wire.records import Residual
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -58,3 +61,22 @@ def test_missing_scans_are_no_step_of_a_motion():
     # Readings on either side of the loss are told apart by their times.
     assert np.nanmax(np.abs(across)) < 1.0
     assert np.isfinite(across[np.isfinite(whole).argmax() :]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("is_held", "judged"), [(True, False), (False, True)])
+def test_what_was_taken_before_a_reading_was_told_as_held_ends_with_it(is_held, judged):
+    """A drop-out was a deviation of the temperature: its mean held the readings till then."""
+    name, begin = "motor_temperature", 1200
+    limits = stands.calibration()
+    least = next(row.repeats for row in limits.sensors if row.channel == name)
+    end = begin + least + 2
+    reading = healthy()[begin].values[healthy()[0].channels.index(name)] if is_held else math.nan
+    spoilt = [after(s, **{name: reading}) if begin <= k < end else s
+              for k, s in enumerate(healthy()[: end + 200])]  # fmt: skip
+    told = stands.of(Residual, stands.replay(stands.observer(), [stands.table(), *spoilt]))
+    z = np.array([row.z[row.names.index(name)] for row in told])
+    window = min(w.window for w in limits.limit(name).windows)
+    assert np.isfinite(z[begin - 1])
+    assert np.isfinite(z[end : end + window - 1]).any() == judged
+    assert np.isfinite(z[end + window :]).all()
