@@ -44,6 +44,7 @@ from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 Lasting = Sequence[int] | npt.NDArray[np.int64]
@@ -57,9 +58,9 @@ class TestResults:
     ``table``, shape (4, n, residuals), holds the four, ``every`` them and the next:
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
-    which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
-    scan. ``shifted``: whether a shift of a mean is beyond its limit, where that was looked at
-    together with the Z-tests.
+    which is no quiet. ``along``: column -> reading whose coefficient has shifted, and in which of
+    the n scans. ``shifted``: whether a shift of a mean is beyond its limit, where that was looked
+    at together with the Z-tests.
     ``way``, n of each: direction of motion and for how many scans in motion it has lasted,
     both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
@@ -72,7 +73,7 @@ class TestResults:
     def __init__(self, residuals: int, scans: int = 1, filled: bool = True) -> None:
         every = self.every = np.empty((5, scans, residuals))
         self.void = self.shifted = False
-        self.along: dict[int, str] = {}
+        self.along: dict[int, tuple[str, Flags]] = {}
         self.z, self.k, self.window, self.growth, self.shift = every
         if filled:  # else somebody else does
             every.fill(np.nan)
@@ -103,6 +104,10 @@ class TestResults:
     def quiet(self) -> bool:
         """Whether none does in any scan."""
         return not np.count_nonzero(self.deviating())
+
+    def signed(self, index: int) -> Flags | bool:
+        """In which scans, shape (n,), a deviation has a sign: no coefficient has shifted."""
+        return ~self.along[index][1] if index in self.along else True
 
     def test(self, index: int) -> tuple[float, Test]:
         """Statistic after the first scan, and the test that it belongs to.

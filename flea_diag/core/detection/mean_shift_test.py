@@ -226,9 +226,11 @@ class MeanShiftTest:
             here, shift = z[:, test], shifts[:, test]
             if alone is not None and column in self._need_voltage:
                 here = np.where(alone[:, None], np.nan, here)
-            if self._judge(here, column, (tests.windows, tests.k[test]), results, shift)[-1]:
+            counts = self._judge(here, column, (tests.windows, tests.k[test]), results, shift)
+            if counts.any():
+                results.along[column] = along, counts | ~np.asarray(results.signed(column))
+            if counts[-1]:
                 self._fired.append(column)
-                results.along[column] = along
 
     def _follow(
         self, rows: ResidualRows, leverage: Array | None, loads: Array | None

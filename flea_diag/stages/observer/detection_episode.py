@@ -89,12 +89,14 @@ class DetectionEpisode:
         if self.episode is None:
             return _first(np.any(happens, axis=1))
         happens &= self._isolating
-        happens[:, list(self._symbols)] = False
+        for j, state in self._symbols.items():
+            # One without a sign takes the first; every other one stays.
+            happens[:, j] &= results.signed(j) if state.magnitude == symbols.ANY else False
         event = np.any(happens, axis=1)
         if self.episode.taken_over:
             return _first(event)
         for j, state in self._symbols.items():
-            if state.slope == UNKNOWN:
+            if state.slope == UNKNOWN and state.magnitude != symbols.ANY:
                 due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
                 window, k, way = state.test
                 same = (results.window[:, j] == window) & (results.k[:, j] == k)
@@ -162,7 +164,7 @@ class DetectionEpisode:
                     int(results.window[0, first]),
                     float(shift[first]),
                     self._rows[first].unit,
-                    results.along.get(first, ""),
+                    results.along[first][0] if first in results.along else "",
                 ),
             )
         )
