@@ -41,6 +41,7 @@ def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
         tuple(name not in rows.predictions for name in law.relations),
         rows.position if rows.position in known.names else "",
         {**UNITS, **rows.units}[rows.position],
+        known.relations.stop,
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,
         law.scans,

@@ -27,7 +27,7 @@ from flea_diag.stages.digest import digest
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.messages.codec import decode, encode
-from flea_diag.wire.records import AmbiguityGroup, Record, Truth
+from flea_diag.wire.records import AmbiguityGroup, Outcome, Record, Scan, Truth
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
@@ -101,3 +101,27 @@ def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
     groups = [record for record in told(0.2, 1.8) if not isinstance(record, Block)]
     assert digest(alone) == digest(groups)
     assert verdict(alone).comes_and_goes == verdict(tuple(groups)).comes_and_goes
+
+
+@pytest.mark.slow
+def test_a_healthy_machine_that_pushes_against_its_stop_has_nothing_that_comes_and_goes() -> None:
+    """There the motor holds a current as in no healthy recording, once a stroke."""
+    motion = {"kind": "sine", "amplitude_m": 0.03, "frequency_hz": 0.2, "centre_m": 0.0168}
+    values = {
+        "machine": "ema",
+        "motion": motion,
+        "load": {"constant_n": -4145.0},
+        "travel": {"stopped": "nut", "overtravel_m": 0.015, "high_m": 0.15},
+        "duration_s": 32.0,
+        "seed": 3,
+        "sensors": {"vibration": False},
+    }
+    records = SimulatedStand(scenario_from_mapping(values, "stop"))
+    pipeline = make_pipeline(load_stand("ema"))
+    sent = [record for record in records if not isinstance(record, Truth)]
+    said = stands.said_in_blocks(pipeline, sent)
+    group = verdict((*said, *pipeline.finish()))
+    assert (group.outcome, group.comes_and_goes) == (Outcome.NOMINAL, ())
+    scans = [record for record in sent if isinstance(record, Scan)]
+    places = [scan.values[scan.channels.index("actuator_position")] for scan in scans]
+    assert sum(place <= 0.0 for place in places) > 200
