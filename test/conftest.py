@@ -103,10 +103,10 @@ def _leave_out_whose_turn_it_is_not(config: pytest.Config, items: list[pytest.It
     """Of tests that are marked ``in_turn``, where folders are asked for and not they themselves."""
     if not all(Path(argument).is_dir() for argument in config.args):
         return
-    left = [i for i in items if (m := i.get_closest_marker("in_turn")) and
-            not its_turn(i.path.name, *m.args)]  # fmt: skip
-    config.hook.pytest_deselected(items=left)
-    items[:] = [item for item in items if item not in set(left)]
+    left = {i for i in items if (m := i.get_closest_marker("in_turn"))
+            and not its_turn(i.path.name, *m.args)}  # fmt: skip
+    config.hook.pytest_deselected(items=list(left))
+    items[:] = [item for item in items if item not in left]
 
 
 def _place(path: Path) -> int:
