@@ -27,7 +27,7 @@ from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.vibration_watch import VibrationWatch
 from flea_diag.stages.recurrence.recurrence_watch import ComesAndGoes, RecurrenceWatch
 from flea_diag.wire.blocks import ResidualBlock, block_of
-from flea_diag.wire.records import Record, Residual
+from flea_diag.wire.records import Record, Residual, UnitOffset
 
 
 class ScanIsolation:
@@ -69,8 +69,8 @@ class ScanIsolation:
         """Records caused by many scans with no other record between them."""
         out: list[Record] = []
         begun = 0
-        watch, offsets = self._recurrence, self._stand.offsets
-        for taken, found in () if watch is None else watch.take(block, offsets):
+        watch = self._recurrence
+        for taken, found in () if watch is None else watch.take(block, *self._watched_under):
             out.extend(self._scans(block.part(slice(begun, taken))))
             out.extend(self._recur(int(block.stamps_ns[taken - 1]), found))
             begun = taken
@@ -80,7 +80,12 @@ class ScanIsolation:
     def _watched(self, record: Residual) -> ComesAndGoes | None:
         """What comes and goes, by one more scan."""
         watch = self._recurrence
-        return None if watch is None else watch.step(record, self._stand.offsets)
+        return None if watch is None else watch.step(record, *self._watched_under)
+
+    @property
+    def _watched_under(self) -> tuple[tuple[UnitOffset, ...], bool]:
+        """Offsets of this unit, and whether it is in contact with a stop."""
+        return self._stand.offsets, self._stand.contact is not None
 
     def _recur(self, stamp_ns: int, found: ComesAndGoes) -> Records:
         """A fault comes and goes, has come once more, or is over."""

@@ -163,8 +163,16 @@ class RecurrenceWatch:
         self._latest: RecurringFault | None = None
         self._told_last: Recurrence | None = None
 
-    def step(self, record: Residual, offsets: Offsets) -> ComesAndGoes | None:
-        """Take one scan; ``offsets``: what is known of this unit's zeros."""
+    def step(
+        self, record: Residual, offsets: Offsets, stopped: bool = False
+    ) -> ComesAndGoes | None:
+        """Take one scan.
+
+        ``offsets``: what is known of this unit's zeros; ``stopped``: whether it is in contact with
+        a stop, where no channel need tell the place.
+        """
+        if stopped:
+            record = replace(record, values=(math.nan,) * len(record.values))
         self._begin(record.stamp_ns, offsets)
         self._last_ns = record.stamp_ns
         self._singly.append(record)
@@ -172,10 +180,14 @@ class RecurrenceWatch:
             return None
         return next((found for _, found in self._take(self._flushed())), None)
 
-    def take(self, block: ResidualBlock, offsets: Offsets) -> Iterator[tuple[int, ComesAndGoes]]:
+    def take(
+        self, block: ResidualBlock, offsets: Offsets, stopped: bool = False
+    ) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take n scans; yields how many have been taken when something is found, and what."""
         if not len(block):
             return
+        if stopped:
+            block = replace(block, values=np.full_like(block.values, math.nan))
         self._begin(int(block.stamps_ns[0]), offsets)
         self._last_ns = int(block.stamps_ns[-1])
         before = self._waits
