@@ -54,6 +54,7 @@ def test_a_bag_is_diagnosed_as_the_command_does(result: fd.Diagnosis) -> None:
     assert {"run", "urgency", "part"} <= set(result.to_do)
 
 
+@pytest.mark.in_turn(2)
 def test_what_is_in_memory_gives_the_same_digest(run: fd.Recording, result: fd.Diagnosis) -> None:
     frame = run.frame()
     dated = frame.set_index(pd.to_datetime(frame.index * 1e9 + result.start_ns))

@@ -194,6 +194,7 @@ def test_any_partition_gives_the_same_records(run, faults, lengths):
     assert digest(one) == digest(many)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize("kind", ["kalman", "particle"])
 def test_a_state_observer_sees_the_same_in_blocks(kind):
     scans = list(recording("jam"))[:1100]
@@ -214,6 +215,7 @@ def test_the_recordings_show_what_is_to_be_held_equal():
     assert sum(map(len, blocks)) > 0.9 * len(recording("healthy"))
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize("configuration", ["hybrid", "evidence"])
 def test_vibration_between_the_scans_changes_nothing(configuration):
     """Residuals go one by one to an isolator that listens to levels; the rest is as before."""

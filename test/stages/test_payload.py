@@ -75,6 +75,7 @@ def test_until_it_is_known_the_verdict_says_what_is_not_tested() -> None:
     assert any(row.channel == "free_per_run" for row in quality.channels)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_blocks_and_single_scans_say_the_same() -> None:
     given = records("axis", "nominal_trapezoid", 10.0, 25.0)

@@ -79,6 +79,7 @@ def told(made: StateObserver, rows: np.ndarray, lengths: list[int], frozen: tupl
     return np.concatenate(tables).tobytes(), measured, diverged
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
 @pytest.mark.parametrize(("kind", "backend"), FILTERS)
 @settings(max_examples=4, deadline=None)

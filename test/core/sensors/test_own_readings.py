@@ -178,6 +178,7 @@ def spoilt(how: str | float) -> np.ndarray:
     return lacking(rows, how)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("how", "rested"), in_turn([("half", True), (0.1, False), (0.3, True)], 3))
 def test_blocks_and_both_backends_give_the_same_bits(limits, how, rested) -> None:

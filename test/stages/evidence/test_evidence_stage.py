@@ -93,6 +93,7 @@ def test_more_friction_is_found_after_its_onset_and_its_group_only_shrinks() -> 
         assert later <= earlier
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize(
     ("channel", "change", "fault"),
     [
@@ -133,6 +134,7 @@ def test_another_healthy_unit_is_said_and_is_no_fault() -> None:
     assert "another unit" in last.words
 
 
+@pytest.mark.in_turn(2)
 def test_blocks_and_single_scans_give_the_same_verdicts() -> None:
     """Four seconds past the onset: the group is open and has shrunk."""
     columns = {name: values[:1300] for name, values in running(coulomb=150.0).items()}
@@ -265,6 +267,7 @@ def typical_of(fault: str) -> Callable[[str], str]:
     return symbol
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize("fault", ["jam", "ball_nut_friction"])
 def test_features_part_what_the_relations_cannot(fault: str) -> None:
     said = answered(typical_of(fault))

@@ -175,6 +175,7 @@ def test_a_jammed_unit_that_is_warmer_is_found_by_one_thermocouple() -> None:
     assert {"jam"} <= {member.fault for member in last.members} <= {"jam", "ball_nut_friction"}
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize(
     ("stand", "run"), [("flea", lambda: recorded(5014)), ("wing", lambda: of_wing(7751, 15.0))]
 )

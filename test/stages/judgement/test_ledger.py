@@ -168,6 +168,7 @@ def test_a_relation_that_is_not_judged_is_named_beside_no_deviation() -> None:
     assert len(verdict.not_observable) > len(whole.not_observable)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_blocks_and_single_scans_give_the_same_ledger() -> None:
     spoilt = [stands.table(), *lacking("load_force", 5)]

@@ -156,6 +156,7 @@ def test_what_holds_the_reaction_or_a_clipped_reading_is_void_and_nothing_else()
         assert not residual.health[-1]
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize(("backend", "length"), list(zip(BACKENDS, (7, 400), strict=False)))
 def test_blocks_give_the_records_of_single_scans(backend: str, length: int) -> None:
     stage, run = diagnosed(backend), once()
@@ -227,6 +228,7 @@ def held_back() -> tuple[Record, ...]:
     )
 
 
+@pytest.mark.in_turn(2)
 def test_an_alarm_just_before_contact_is_taken_back_and_the_verdict_says_why() -> None:
     said = stands.replay(diagnosed(), held_back())
     opened, cleared = stands.of(Detection, said)

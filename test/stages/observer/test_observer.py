@@ -127,6 +127,7 @@ def test_at_rest_nothing_is_called():
     assert np.isnan(stands.of(Residual, out)[-1].z[0])
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_with_encoder_and_command_a_position_fault_stays_in_its_own_residuals():
     columns = ema.noisy(ema.run(seconds=16.0), 54)

@@ -84,6 +84,7 @@ def test_one_that_stays_does_not() -> None:
     assert group.comes_and_goes == ()
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
     """While the winding opens for the first four times; before and after in blocks."""

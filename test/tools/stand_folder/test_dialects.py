@@ -44,6 +44,7 @@ def verdicts(tmp_path_factory: pytest.TempPathFactory) -> DialectVerdicts:
     return DialectVerdicts(tmp_path_factory.mktemp("stands"))
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize(("walk", "seed"), [(walked_table, 0), (walked_bag, 14)])
 def test_the_verdict_is_that_of_the_plain_one(
     tmp_path: Path,
