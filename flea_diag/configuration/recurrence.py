@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from flea_diag.configuration.evidence import EvidenceStand
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.channel_units import UNITS
@@ -33,7 +35,8 @@ def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
     load = motion_signals(rows)[1]
     return RecurrenceKnowledge(
         hypotheses,
-        law.columns,
+        # A push against a stop is in no healthy recording.
+        partial(law.columns, silent_at_ends=True),
         tuple((f.name, readings.index(f.channel) if f.channel in readings else -1) for f in faults),
         # What grows from nothing cannot come and go within a second, and a reading that is dead for
         # a while has dropped out: its own test says so.
@@ -41,7 +44,6 @@ def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
         tuple(name not in rows.predictions for name in law.relations),
         rows.position if rows.position in known.names else "",
         {**UNITS, **rows.units}[rows.position],
-        known.relations.stop,
         signal_names(known).index(load),
         0.5 * calibration.counts.kernel * calibration.period_s,
         law.scans,

@@ -97,6 +97,8 @@ class PairModels:
 
     def beside(self, fault: str, dead: str) -> Sequence[FaultModel]:
         """Models of a fault beside a dead reading; without sizes where that hides all effects."""
+        if dead not in self._dead:  # it hides nothing by its sizes
+            return self._second[fault]
         return self._beside(fault, dead, is_second=True)
 
     def _beside(self, fault: str, dead: str, is_second: bool) -> list[FaultModel]:

@@ -84,7 +84,7 @@ class EvidenceKnowledge(Frozen):
     limits: EvidenceLimits
     sensors: SensorKnowledge
     visible: tuple[VisibleSize, ...]
-    columns: Callable[[], StreamColumns]
+    columns: Callable[..., StreamColumns]
     scans: int
 
     @property

@@ -43,15 +43,19 @@ class StreamColumns:
         Signals that are speeds, and what none of them exceeds at a standstill.
     stop
         Ends of travel, where a hard stop may push, and the relations that this enters.
+    silent_at_ends
+        Whether no relation says anything there.
     """
 
     def __init__(
         self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
         motion: tuple[str, str, str, str], acting: Flags, slow: Mapping[str, float], stop: Stop,
-        travel: tuple[float, ...], period_s: float, scans: int, side: str = "",
+        travel: tuple[float, ...], period_s: float, scans: int, side: str = "", *,
+        silent_at_ends: bool = False,
     ) -> None:  # fmt: skip
         self._relations, self._signals, self._motion = relations, signals, motion
-        self._pushed = np.array([name in stop.reactions for name in relations], dtype=bool)
+        entered = relations if silent_at_ends else stop.reactions
+        self._pushed = np.array([name in entered for name in relations], dtype=bool)
         self._gated = np.array([name in in_motion for name in relations], dtype=bool)
         self._period_s, self._scans = period_s, scans
         self._acting, self._slow, self._stop = acting, slow, stop

@@ -170,10 +170,9 @@ class FaultEpisode:
 
     def without_value(self) -> frozenset[str]:
         """Weighed relations that have had no value in the last seconds."""
-        sums, looks = self.evidence.equations.now, self.second.looks
-        whole = len(looks) == looks.maxlen
-        blocks = sums.blocks - looks[0].sums.blocks if whole else sums.blocks
-        rows = zip(sums.residuals, blocks, strict=True)
+        now = self.evidence.equations.now
+        sums = self.second.recent(now) or now
+        rows = zip(sums.residuals, sums.blocks, strict=True)
         return frozenset(name for name, count in rows if count < 1.0)
 
     def is_conclusive(self) -> bool:

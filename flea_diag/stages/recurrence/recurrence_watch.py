@@ -44,7 +44,6 @@ from flea_diag.core.recurrence.recurring import (
 )
 from flea_diag.core.recurrence.stream_rows import StreamRows
 from flea_diag.core.recurrence.watched_windows import WatchedWindow, WatchedWindows
-from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S, zeroed
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
@@ -87,8 +86,6 @@ class RecurrenceKnowledge(Frozen):
         Of every relation whether it is looked at.
     position
         Signal that tells the place along the stroke; empty: none does. ``place_unit`` is its unit.
-    stop
-        Ends of travel. A push against one is in no healthy recording: nothing is looked for there.
     load
         Place of the load among the signals.
     delay_s, scans
@@ -102,7 +99,6 @@ class RecurrenceKnowledge(Frozen):
     fast: tuple[bool, ...]
     position: str
     place_unit: str
-    stop: Stop
     load: int
     delay_s: float
     scans: int
@@ -239,15 +235,11 @@ class RecurrenceWatch:
         """Take scans that complete a window."""
         k = self._k
         placed = placed_along(block, k.position)
-        along = placed.regressors[:, placed.regressor_names.index(PLACE)]
-        unknown = k.stop.near(along)
-        if unknown.any():
-            placed = replace(placed, values=np.where(unknown[:, None], math.nan, placed.values))
         end, windows = self._columns.together(placed)
         ends = np.arange(end, len(block), k.scans)
         jumps = self._leaps(block, ends)
         self._in_window = (self._in_window + len(block)) % k.scans
-        places = along[ends]
+        places = placed.regressors[ends, placed.regressor_names.index(PLACE)]
         rows = self._rows.add(windows)
         for number, far in enumerate(rows.farthest.tolist()):
             if not (len(self._history) or far > FAR):

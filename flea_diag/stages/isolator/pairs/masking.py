@@ -31,8 +31,7 @@ class Masking:
     def __init__(self, knowledge: Knowledge, models: Sequence[FaultModel]) -> None:
         self._faults, self._symptoms = knowledge.faults, knowledge.symptoms
         self._models = by_fault(models)
-        self._dead = knowledge.deaths(self._models)
-        self._pairs = PairModels(self._models, self._models, self._dead)
+        self._pairs = PairModels(self._models, self._models, knowledge.deaths(self._models))
         self._needing = {
             name: knowledge.effects.needing(fault.channel)
             for name, fault in knowledge.faults.items()
@@ -58,5 +57,4 @@ class Masking:
 
     def _shown(self, fault: str, dead: str) -> set[str]:
         """Relations that would show a fault beside a dead reading, if they had a value."""
-        known = self._pairs.beside(fault, dead) if dead in self._dead else self._models[fault]
-        return {term.residual for model in known for term in model.terms}
+        return {t.residual for model in self._pairs.beside(fault, dead) for t in model.terms}

@@ -87,6 +87,11 @@ class SecondFault:
     waits: int = 0
     searches: int = 0
 
+    def recent(self, sums: EvidenceSums) -> EvidenceSums | None:
+        """What has come in the last seconds; None: the episode is no older."""
+        whole = len(self.looks) == self.looks.maxlen
+        return sums.since(self.looks[0].sums) if whole else None
+
     def explain(self, names: Sequence[str]) -> None:
         """A single fault explains everything so far."""
         self.firsts, self.suspected = tuple(names), None

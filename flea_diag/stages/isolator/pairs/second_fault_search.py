@@ -100,9 +100,8 @@ class SecondFaultSearch:
             return True
         if self._goodness.exceeded_by_all(sums, ((h.fault, h.fit) for h in alive)):
             return True
-        exceeded = False
-        if len(second.looks) == second.looks.maxlen:
-            recent = sums.since(second.looks[0].sums)
+        exceeded, recent = False, second.recent(sums)
+        if recent is not None:
             fits = self._fits(episode, recent, [h.name for h in alive])
             rows = [(h.fault, fits.get(h.name)) for h in alive]
             second.misfits = self._goodness.left_by_all(recent, rows)
