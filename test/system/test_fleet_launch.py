@@ -47,8 +47,9 @@ def test_a_process_that_is_killed_comes_back_and_the_others_go_on(
         def running(name: str) -> bool:
             return states.get(name) == "1 of 1 stands running"
 
-        peer.until(lambda: running("fleet_1") and running("fleet_2"))
-        assert {"bay_1/diagnoser", "bay_2/diagnoser"} <= set(states)
+        # a process says that its stands run before they have said anything themselves
+        diagnosers = {"bay_1/diagnoser", "bay_2/diagnoser"}
+        peer.until(lambda: running("fleet_1") and running("fleet_2") and diagnosers <= set(states))
         assert "bay_3/diagnoser" not in states
         first = children(process.child.pid)
         states.clear()
