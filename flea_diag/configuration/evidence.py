@@ -127,8 +127,8 @@ def stream_columns(
     slow = {motion.signal: motion.slow for motion in motions if motion.signal in speeds}
     return partial(
         StreamColumns, law.relations, frozenset(rows.in_motion), signal_names(known), moving,
-        known_by.acting, slow, known.relations.stop, law.travel, calibration.period_s,
-        window_scans(calibration.period_s), current_side(known),
+        slow, known.relations.stop, law.travel, calibration.period_s,
+        window_scans(calibration.period_s), current_side(known), acting=known_by.acting(),
     )  # fmt: skip
 
 

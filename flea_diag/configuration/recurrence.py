@@ -33,14 +33,15 @@ def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:
     faults = [told.faults[model.fault] for model in hypotheses.signatures.models]
     rows, readings = known.residuals, list(known.readings)
     load = motion_signals(rows)[1]
+    # What grows from nothing cannot come and go within a second, and a reading that is dead for a
+    # while has dropped out: its own test says so.
+    usable = tuple(not fault.incipient and fault.mode != "dead" for fault in faults)
     return RecurrenceKnowledge(
         hypotheses,
         # A push against a stop is in no healthy recording.
-        partial(law.columns, silent_at_ends=True),
+        partial(law.columns, acting=hypotheses.acting(usable), silent_at_ends=True),
         tuple((f.name, readings.index(f.channel) if f.channel in readings else -1) for f in faults),
-        # What grows from nothing cannot come and go within a second, and a reading that is dead for
-        # a while has dropped out: its own test says so.
-        tuple(not fault.incipient and fault.mode != "dead" for fault in faults),
+        usable,
         tuple(name not in rows.predictions for name in law.relations),
         rows.position if rows.position in known.names else "",
         {**UNITS, **rows.units}[rows.position],

@@ -19,6 +19,10 @@ stands at the end of its scale while the other goes on, a load cell reads what i
 nothing holds turns faster than ever, and its back-EMF is more than a voltmeter reads. Such a
 reading says that there is at least so much, so no relation holds with it. Elsewhere it is the
 sensor that is at fault.
+
+A relation of the circuit holds whatever the part meets, and is a sum of readings: there "at least
+so much" says which way the truth lies. Where that is farther out than what was computed, the
+relation has missed by at least this, and keeps its value (``bounding``).
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.conditions.bounding import Bounding
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
 Array = npt.NDArray[np.float64]
@@ -37,15 +42,21 @@ Flags = npt.NDArray[np.bool_]
 class ClippedReadings:
     """State of one stream: which channels are clipped, or were within so many scans."""
 
-    def __init__(self, rows: ResidualSet, scans: int) -> None:
+    def __init__(self, rows: ResidualSet, scans: int, bounding: Bounding) -> None:
         tested = range(len(rows.rows))[rows.sensor_columns]
+        self._bounding = bounding
         self._columns = [
-            [column for column in rows.needing(name) if column not in tested]
+            [
+                column
+                for column in rows.needing(name)
+                if column not in tested and column not in bounding.columns
+            ]
             for name in rows.channels
         ]
         self._channels, self._scans = rows.channels, scans
         self.use({})
-        self._left = np.zeros(len(rows.channels), dtype=np.int64)
+        self._left = np.zeros((2, len(rows.channels)), dtype=np.int64)
+        """For how many scans more it counts that a channel was at its lower and its upper limit."""
         self._lingers = False
         self._void: Flags | None = None
 
@@ -63,7 +74,7 @@ class ClippedReadings:
         if not (np.any(beyond) if isinstance(beyond, np.ndarray) else beyond) and not self._lingers:
             return
         there = np.broadcast_to(beyond, len(rows))
-        clipped = ((rows <= self._low) | (rows >= self._high)) & there[:, None]
+        clipped = np.stack((rows <= self._low, rows >= self._high), axis=1) & there[:, None, None]
         if not (clipped.any() or self._lingers):
             return
         void = np.empty_like(clipped)
@@ -73,8 +84,10 @@ class ClippedReadings:
         self._void, self._lingers = void, bool(self._left.any())
 
     def leave_out(self, residuals: ResidualRows) -> None:
-        """Drop what needs a clipped reading."""
+        """Drop what needs a clipped reading, unless it has missed by at least what it says."""
         if self._void is None or len(self._void) != len(residuals):
             return
-        for channel in np.flatnonzero(self._void.any(axis=0)).tolist():
-            residuals.leave_out(self._void[:, channel], self._columns[channel])
+        self._bounding.leave_out(residuals, self._void)
+        either = np.asarray(self._void.any(axis=1))
+        for channel in np.flatnonzero(either.any(axis=0)).tolist():
+            residuals.leave_out(either[:, channel], self._columns[channel])

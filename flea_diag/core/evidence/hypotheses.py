@@ -186,10 +186,15 @@ class StreamHypotheses(Frozen):
         """Columns of ``unit``, shape (relations, signals, differences)."""
         return np.asarray(self.columns.design @ self.unit)
 
-    @property
-    def acting(self) -> npt.NDArray[np.bool_]:
-        """By which signals anything acts in a relation, shape (relations, signals)."""
-        faults, runs = self.signatures.design, self.columns.design
+    def acting(self, asked: npt.ArrayLike = True) -> npt.NDArray[np.bool_]:
+        """By which signals anything acts in a relation, shape (relations, signals).
+
+        ``asked``, shape (models,) or one for all: the models of faults that count. By what the
+        others act, no relation needs.
+        """
+        models, sizes = self.signatures.shape
+        counts = np.repeat(np.broadcast_to(np.asarray(asked, dtype=bool), models), sizes)
+        faults, runs = self.signatures.design[..., counts], self.columns.design
         return np.asarray((faults != 0.0).any(axis=-1) | (runs != 0.0).any(axis=-1))
 
     @property

@@ -219,18 +219,22 @@ def _left(part: StreamPart, loud: Flags, size: Array) -> tuple[Array, Array]:
 def _states(part: StreamPart, models: Places, sizes: Array) -> Places:
     """Where faults of these sizes are there, and where not, window by window: (models, n)."""
     effect = (part.faults[:, :, models] * sizes).sum(axis=-1)
+    # Where the relation that shows most of a fault has no value, the others may miss it.
+    most = np.abs(effect).sum(axis=0).argmax(axis=0)
+    read = np.take_along_axis(effect, most[None, None], axis=1)[:, 0] != 0.0
     strength = np.sqrt(np.square(effect).sum(axis=1))
     along = (effect * part.errors[..., None]).sum(axis=1) / np.maximum(strength, 1e-300)
     explained = EXPLAINED * np.square(part.errors).sum(axis=1)
-    states = np.where((strength >= SHOWS) & (np.abs(along) < ABSENT * strength), -1, 0)
+    shows = read & (strength >= SHOWS)
+    states = np.where(shows & (np.abs(along) < ABSENT * strength), -1, 0)
     runs = bursts(part.far, SHOWS)
     inside = np.flatnonzero(_marked(runs, len(states)))
     lengths = np.array([run.stop - run.start for run in runs], dtype=int)
     begins, told = np.cumsum(lengths) - lengths, along[inside]
-    most = np.maximum.reduceat(told, begins)
-    at_peak = told == np.repeat(most, lengths, axis=0)
+    peak = np.maximum.reduceat(told, begins)
+    at_peak = told == np.repeat(peak, lengths, axis=0)
     least = np.maximum.reduceat(np.where(at_peak, explained[inside, None], 0.0), begins)
-    there = np.repeat((most > SHOWS) & (np.square(most) > least), lengths, axis=0)
+    there = np.repeat((peak > SHOWS) & (np.square(peak) > least), lengths, axis=0)
     states[inside] = np.where(there, 1, states[inside])
     return np.ascontiguousarray(states.T)
 

@@ -36,6 +36,7 @@ import numpy.typing as npt
 
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.parameters import LATER_TOLERANCES, ZEROS
 from flea_diag.core.residuals.prediction import Prediction
 from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
@@ -199,6 +200,21 @@ class RelationSet(Frozen):
             for name in self.named[row.relation].signals
             if name in rows.units
         )
+
+    def reading_signs(self, parameters: Any, relation: str) -> npt.NDArray[np.float64] | None:
+        """Sign of d r / d reading of each channel, shape (channels,).
+
+        0 where a reading does not enter, or by a shape alone. None where a rate enters, or where a
+        sign depends on other readings.
+        """
+        row, channels = self.named[relation], self.residuals.channels
+        known = {**self.reference, **asdict(parameters)}
+        gains = [derivative(row.expression, name) for name in channels]
+        if any(channel_of(name)[1] for name in row.signals):
+            return None
+        if any(not set(symbols(gain)) <= set(known) for gain in gains):
+            return None
+        return np.sign([float(evaluate(gain, known)) for gain in gains])
 
     def _depends(self, relation: str) -> tuple[int, ...]:
         """Places of the unit parameters that a relation depends on."""

@@ -37,7 +37,7 @@ class StreamColumns:
     ----------
     relations
         Of the law, in its order; ``in_motion`` are those that mean nothing at rest.
-    signals, motion, acting, travel, side
+    signals, motion, travel, side, acting
         See ``LawWindowMeans``.
     slow
         Signals that are speeds, and what none of them exceeds at a standstill.
@@ -49,9 +49,9 @@ class StreamColumns:
 
     def __init__(
         self, relations: tuple[str, ...], in_motion: frozenset[str], signals: tuple[str, ...],
-        motion: tuple[str, str, str, str], acting: Flags, slow: Mapping[str, float], stop: Stop,
+        motion: tuple[str, str, str, str], slow: Mapping[str, float], stop: Stop,
         travel: tuple[float, ...], period_s: float, scans: int, side: str = "", *,
-        silent_at_ends: bool = False,
+        acting: Flags, silent_at_ends: bool = False,
     ) -> None:  # fmt: skip
         self._relations, self._signals, self._motion = relations, signals, motion
         entered = relations if silent_at_ends else stop.reactions

@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.bounding import Bounding
 from flea_diag.core.conditions.clipped import ClippedReadings
 from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.contact import LONGEST_S, Contact
@@ -103,7 +104,8 @@ class ConditionWatch:
         )
         self._command = NAMED["saturated_drive"].columns(relations)
         self._saturated = Lingering(c.counts.kernel)
-        self._clipped = ClippedReadings(self._rows, c.counts.kernel)
+        bounding = Bounding(relations, c.parameters)
+        self._clipped = ClippedReadings(self._rows, c.counts.kernel, bounding)
         self._range = -math.inf, math.inf
         self._void_drive: Flags | None = None
         self._voids = self._held = False

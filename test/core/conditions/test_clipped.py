@@ -18,17 +18,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.conditions.bounding import Bounding
 from flea_diag.core.conditions.clipped import ClippedReadings
 from flea_diag.core.residuals.residual_rows import ResidualRows
 
-KNOWN = compiled_relations("actuator.yaml").residuals
+RELATIONS = compiled_relations("actuator.yaml")
+KNOWN = RELATIONS.residuals
+BOUNDING = Bounding(RELATIONS, learned(load_stand("flea")).parameters)
 LASTS = 5
 
 
 def left(at_end: bool | np.ndarray, blocks: tuple[int, ...]) -> list[set[str]]:
     """Residuals void in each of 20 scans, of which the fourth has a load position of 0.1 m."""
-    clipped = ClippedReadings(KNOWN, LASTS)
+    clipped = ClippedReadings(KNOWN, LASTS, BOUNDING)
     clipped.use({"load_position": (0.0, 0.1), "motor_speed": (-800.0, 800.0)})
     readings = np.full((20, len(KNOWN.channels)), 0.05)
     readings[3, KNOWN.index["load_position"]] = 0.1
@@ -65,3 +70,41 @@ def test_in_a_runaway_it_is_not() -> None:
     away = np.arange(20) == 3
     assert left(away, (20,)) == left(True, (20,)) == left(away, (4, 2, 14))
     assert not any(left(~away, (20,)))
+
+
+def void_with(readings: dict[str, float], values: dict[str, float]) -> set[str]:
+    """Relations of the circuit that are void with some readings, of all that are as given."""
+    clipped = ClippedReadings(KNOWN, LASTS, BOUNDING)
+    limits = {"motor_voltage": 80.0, "motor_speed": 800.0, "motor_current": 50.0}
+    clipped.use({name: (-limit, limit) for name, limit in limits.items()})
+    rows = np.zeros((1, len(KNOWN.channels)))
+    for name, value in readings.items():
+        rows[0, KNOWN.index[name]] = value
+    shape = 1, len(KNOWN.rows)
+    residuals = ResidualRows(np.zeros(shape), *(np.zeros((1, 1)) for _ in range(4)))
+    for name, value in values.items():
+        residuals.values[0, KNOWN.place[name]] = value
+    clipped.step(rows, True)
+    clipped.leave_out(residuals)
+    return {name for name in values if np.isnan(residuals.values[0, KNOWN.place[name]])}
+
+
+def test_a_voltage_beyond_what_was_commanded_is_at_least_so_far_beyond() -> None:
+    low = {"motor_voltage": -80.0}
+    assert void_with(low, {"parity_drive": -30.0}) == set()
+    assert void_with(low, {"parity_drive": 30.0}) == {"parity_drive"}
+    assert void_with({"motor_voltage": 80.0}, {"parity_drive": 30.0}) == set()
+
+
+def test_a_winding_that_is_open_misses_at_least_the_back_emf_that_was_read() -> None:
+    fast = {"motor_speed": 800.0}
+    missed = {"parity_electrical": -130.0, "parity_electrical_dn": -130.0}
+    assert void_with(fast, missed) == set()
+    assert void_with(fast, {name: -value for name, value in missed.items()}) == set(missed)
+
+
+def test_readings_that_disagree_say_nothing() -> None:
+    both = {"motor_voltage": -80.0, "motor_speed": -800.0}
+    for value in (-5.0, 5.0):
+        assert void_with(both, {"parity_electrical": value}) == {"parity_electrical"}
+    assert void_with(both, {"parity_drive": -30.0}) == set()

@@ -108,6 +108,22 @@ def test_what_stays_in_another_relation_hides_nothing() -> None:
     assert len(best.comings) == len(CAME)
 
 
+def test_it_is_not_counted_anew_after_windows_that_could_hardly_show_it() -> None:
+    """Amid each burst the relation that shows most of it has no value, and another says nothing."""
+    noise = np.random.default_rng(3).normal(size=(WINDOWS, 2))
+    faults = np.zeros((WINDOWS, 2, 1, 1))
+    faults[:, 0], faults[:, 1] = 1.0, 0.3
+    errors = noise + np.column_stack((100.0 * there(), 30.0 * there()))
+    for first in CAME:
+        void = slice(first + 1, first + 3)
+        faults[void, 0], errors[void, 0], errors[void, 1] = 0.0, 0.0, noise[void, 1]
+    nothing = np.zeros((WINDOWS, 2, 1))
+    part = StreamPart(errors, faults, nothing, nothing[:, 0], nothing[:, 0])
+    wide = SizePrior(*(np.array([[value]]) for value in (0.0, 100.0, -np.inf, np.inf)))
+    (best,) = recurring(part, wide, np.array([True]), (-1,))
+    assert len(best.comings) == len(CAME)
+
+
 def test_what_follows_a_burst_and_is_no_part_of_it_hides_nothing() -> None:
     """A controller that makes up for what was lost draws more current for a while."""
     share = there()

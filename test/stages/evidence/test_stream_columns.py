@@ -35,8 +35,8 @@ def windows(speed: float, place: float, moving: float = 1.0, side: str = "") -> 
     stop = Stop(0.0, 0.1, 0.002, (PLACE,), {"balance": -1.0})
     acting = np.zeros((2, len(SIGNALS) + len(FORMED)), dtype=bool)
     columns = StreamColumns(
-        RELATIONS, frozenset({"balance"}), (*SIGNALS, *FORMED), SIGNALS, acting, {"speed": 1e-3},
-        stop, (0.02, 0.08), 0.01, SCANS, side,
+        RELATIONS, frozenset({"balance"}), (*SIGNALS, *FORMED), SIGNALS, {"speed": 1e-3},
+        stop, (0.02, 0.08), 0.01, SCANS, side, acting=acting,
     )  # fmt: skip
     count = 2 * SCANS
     table = np.tile([0.0, 500.0, 1.0, speed, place, moving], (count, 1))
