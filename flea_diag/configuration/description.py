@@ -34,7 +34,7 @@ from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue, of_sensors
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
-from flea_diag.core.residuals.parameters import STANDARD, UNIT_PARAMETERS
+from flea_diag.core.residuals.parameters import LEAD, STANDARD, UNIT_PARAMETERS
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_compiler import relation_set
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -50,8 +50,6 @@ from flea_diag.errors import ConfigurationError, ModelError, shown
 from flea_diag.formats import migrated
 
 keep_with(source_file)
-LEAD = "encoder_m_per_rad"
-"""Base parameter by which the speed of the shaft is that of the moved part."""
 
 
 def described(actuator: str | Path) -> Actuator:

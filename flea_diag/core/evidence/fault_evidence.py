@@ -256,7 +256,8 @@ class FaultEvidence:
         """Log evidence of another unit over nothing, nats.
 
         It may stand in another room; but a room that is all that has changed is an error of its
-        thermometer. So the room adds what such an error explains, no more.
+        thermometer. So the room adds no more than such an error explains, which may explain more:
+        it reaches farther, and what it does to a part is not the room's.
         """
         h, alone = self._h, self._alone
         unit = other_unit(own, alone)
@@ -264,7 +265,7 @@ class FaultEvidence:
             return unit
         kept = np.concatenate((np.ones(alone, dtype=bool), h.room))
         room = other_unit(own[np.ix_(kept, kept)], alone)
-        return unit - room + max(float(faults[h.room_models].max()), 0.0)
+        return unit - room + min(room, max(float(faults[h.room_models].max()), 0.0))
 
     def _left(self, sums: Sums, count: int) -> Array:
         """Mean square that the models leave in each relation, shape (relations, models)."""

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.residuals.channel_units import CURRENT
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
+from flea_diag.core.residuals.parameters import LEAD
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.symbolic.collect import collect, power_of, solved_for
@@ -185,16 +186,29 @@ class EffectRules:
         )
 
     def added(self, residual: str, drag: Expression, index: int = 0) -> Effects:
-        """Of a drag that is no change of a parameter, in corrected readings; none without it.
+        """Of a drag that is no change of a parameter, in corrected readings.
 
-        In a prediction it is a rate, at which what is read runs away from what is predicted.
+        None without the relation, or without a reading that the drag is made of. In a prediction
+        it is a rate, at which what is read runs away from what is predicted.
         """
         row = self._set.named.get(residual)
         if row is None:
             predicted = any(each.name == residual for each in self._set.predictions)
             return faster(residual, drag, index) if predicted else ()
-        parts = collect(drag, self._signals)
+        drag, signals = self._in_what_is_read(drag), self._signals
+        known = self._set.residuals.channels
+        if any(channel_of(s)[0] in known and s not in signals for s in symbols(drag)):
+            return ()
+        parts = collect(drag, signals)
         return tuple(FaultEffect(residual, basis, gain, index) for basis, gain in parts.items())
+
+    def _in_what_is_read(self, drag: Expression) -> Expression:
+        """A drag by the speed of the motor, where only the rate of the position is read."""
+        rows = self._set.residuals
+        if rows.encoder in self._set.signals:
+            return drag
+        rate = Variable(rate_symbol(rows.position))
+        return substitute(drag, {rows.encoder: rate / Variable(LEAD)})
 
     def lost(self, channel: str, index: int = 0) -> Effects:
         """Of the true value that is missing where this channel reads zero.

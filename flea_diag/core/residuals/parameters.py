@@ -27,6 +27,8 @@ import numpy.typing as npt
 from flea_diag.core.frozen import Frozen
 from flea_diag.fields.values import NotNegative, Positive, within
 
+LEAD = "encoder_m_per_rad"
+"""Base parameter by which the speed of the shaft is that of the moved part."""
 MOVING_WIDTHS = 2.5
 """Speed above which the actuator moves, in widths of its smooth friction: there friction has 99 %
 of its full size, and its direction is known."""

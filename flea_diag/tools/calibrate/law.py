@@ -104,7 +104,8 @@ class LawDesign:
 
 TOO_MANY = (
     "contradict the others, too many to tell which are the healthy ones: all are kept. Of two "
-    "units, record each under its serial number; of a load of its own, record more"
+    "units, record each under its serial number; of a load of its own, record more; of one unit "
+    "and load, the description lacks something of these motions"
 )
 OF_MOTION = (
     "contradict the others alike in most units, so the description lacks something of their "

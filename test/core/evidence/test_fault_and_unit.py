@@ -278,6 +278,17 @@ def test_another_unit_stands_in_another_room_only_where_more_than_the_room_has_c
     assert found.unit > lone.unit
 
 
+def test_what_an_error_of_the_rooms_thermometer_does_to_a_part_says_nothing_of_the_room() -> None:
+    """A thermocouple of the motor that had stepped was another unit in another room."""
+    part = drawn(60, seed=5)
+    part[20:, 1] -= 0.8  # of the bias alone, which moves the first relation twice as far
+    in_room, anywhere = (
+        FaultEvidence(of, 20, windows(part)).weighed() for of in (hypotheses("first"), hypotheses())
+    )
+    assert in_room.alone[0] > 1.0
+    assert in_room.unit <= anywhere.unit
+
+
 def test_from_before_a_healthy_recording_feigns_a_size_of_any_fault() -> None:
     feigned = (FeignedSize("drag", "bias", 0.0, 2.0, 2.0),)
     law = replace(LAW, feigned=feigned)

@@ -28,6 +28,7 @@ from support.places import SHIPPED_STANDS
 from flea_diag.configuration import description
 from flea_diag.core.likelihood.effects import EffectRules, FaultEffect, Gains
 from flea_diag.core.likelihood.plant_models import plant_models
+from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.symbolic.collect import monomial
 from flea_diag.core.symbolic.expression import evaluate
 
@@ -215,16 +216,32 @@ def test_a_fault_that_shows_in_vibration_alone_adds_its_least_drag():
 
 
 @pytest.mark.parametrize("name", ["ema", "wing"])
-def test_without_its_supply_a_turning_motor_reads_its_back_emf(name: str) -> None:
-    stand = SHIPPED_STANDS[name]
-    rules = EffectRules(description.compiled_relations(stand / "actuator.yaml"))
-    fault = description.faults_of(stand / "actuator.yaml", stand / "faults.yaml")["supply_open"]
-    _, coasting = plant_models(fault, rules)
+@pytest.mark.parametrize("lacking", ["", "motor_speed"])
+def test_without_its_supply_a_turning_motor_reads_its_back_emf(name: str, lacking: str) -> None:
+    """Without a reading of its speed by the rate of the position, whose lead nothing tells."""
+    _, coasting = supply_open(name, *([lacking] if lacking else ()))
     readings = {"commanded_voltage": 20.0, "motor_speed": -300.0}
+    readings |= {"d_actuator_position": LEAD * -300.0, "d_load_position": LEAD * -300.0}
     added = sum(evaluate(e.gain * e.basis, asdict(P) | readings) for e in coasting.effects)
     assert {e.residual for e in coasting.effects} == {DRIVE}
     # The terminals read KE w; the relation expects 0.9 of the command.
     assert added == pytest.approx(KE * LEAD * -300.0 - 0.9 * 20.0)
+
+
+def test_what_a_drag_is_made_of_and_nothing_reads_is_left_out() -> None:
+    _, coasting = supply_open("wing", "motor_speed", "actuator_position")
+    assert [str(effect.basis) for effect in coasting.effects] == ["commanded_voltage"]
+
+
+def supply_open(name: str, *lacking: str) -> tuple[SymbolicModel, ...]:
+    """Models of an open supply on a stand without these channels."""
+    actuator, faults = (SHIPPED_STANDS[name] / f"{each}.yaml" for each in ("actuator", "faults"))
+    known = description.described(actuator)
+    channels = tuple(each for each in (*known.sensors, *known.inputs) if each not in lacking)
+    has_encoder = "motor_speed" not in lacking
+    relations = description.compiled_relations(actuator, channels, has_encoder)
+    fault = description.faults_of(actuator, faults)["supply_open"]
+    return tuple(plant_models(fault, EffectRules(relations)))
 
 
 def test_a_rate_that_is_added_to_a_prediction_runs_away_from_it() -> None:
