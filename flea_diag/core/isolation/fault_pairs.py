@@ -14,25 +14,25 @@
 
 """Pairs of faults: two at once, or a second one beside the first.
 
-Searched where no single fault explains an episode. Each deviation that was seen must be predicted,
-by its sign, by one of both at least; a residual that looks normal rules out nothing. What both
-explain together is known of all pairs from one system (``pair_gains``), and the best of them are
-fitted like single faults are. A pair holds where it leaves no misfit, and where neither member can
-do without the other: each predicts a deviation that the other does not, or explains what
-the price of a second fault asks for, and takes away what the other leaves beyond noise.
+Searched where no single fault explains an episode, or two explain far more. Each deviation that was
+seen must be predicted, by its sign, by one of both at least; a residual that looks normal rules out
+nothing. What both explain together is known of all pairs from one system (``pair_gains``), and the
+best of them are fitted like single faults are. A pair holds where it leaves no misfit, and where no
+member, nor any other fault that is left, does without it (``pair_clues``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import product
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
+from flea_diag.core.isolation.pair_clues import BEHIND_NATS, Alone, Clues
 from flea_diag.core.isolation.pair_gains import pair_gains
 from flea_diag.core.isolation.pair_models import Death, Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
@@ -44,10 +44,8 @@ from flea_diag.core.likelihood.weighing import Weighing
 Fitted = tuple[Fit, FaultModel, FaultModel]
 """Fit of a pair, and the models of both."""
 
-SECOND_NATS = 10.0
-"""Price of a second fault: in one of 20 000 episodes another comes up within the same minutes."""
-SEEN_NATS = 3.0
-"""What it must add where a deviation asks for it that the other does not predict."""
+NONE = FaultModel("none", (), ())
+"""No second fault."""
 MOST_FITTED = 24
 """Pairs of faults that are fitted, the best by their gains."""
 MOST_HELD = 8
@@ -67,70 +65,6 @@ class FaultPair:
     probability: float = math.nan
 
 
-@dataclass(frozen=True, eq=False)
-class Clues:
-    """What speaks of a pair beside the relations.
-
-    Attributes
-    ----------
-    predicted
-        Of each fault that is possible the deviations that it predicts.
-    seen
-        All deviations.
-    weighed
-        Those of relations, whose size is weighed; the tests of single sensors speak for themselves.
-    firsts
-        Faults of which one is the first; empty: any.
-    is_possible
-        Whether a fault of a fitted size is, by what its reading did at the onset.
-    """
-
-    predicted: Mapping[str, frozenset[str]]
-    seen: frozenset[str]
-    weighed: frozenset[str]
-    firsts: Collection[str]
-    is_possible: Callable[[Fault, Fit], bool]
-
-    def ordered(self) -> list[Pair]:
-        """All pairs, with one of ``firsts`` as the first."""
-        pairs = list(combinations(self.predicted, 2))
-        if not self.firsts:
-            return pairs
-        turned = [(b, a) for a, b in pairs if b in self.firsts and a not in self.firsts]
-        return [(a, b) for a, b in pairs if a in self.firsts] + turned
-
-    def cover(self, one: str, other: str) -> bool:
-        """Whether two faults predict all that was seen."""
-        return self.predicted[one] | self.predicted[other] >= self.seen
-
-    def least(self, without: str) -> float:
-        """Nats that the other must add to this one, for what this one does not predict."""
-        left = self.seen - self.predicted[without]
-        if left - self.weighed:
-            return -math.inf
-        return SEEN_NATS if left else math.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Alone:
-    """What one fault explains by itself, and what it leaves.
-
-    ``is_poor``: whether that is a misfit. ``left``: relations of which it is more than noise,
-    whatever the model of the fault may be off by.
-    """
-
-    nats: float
-    is_poor: bool
-    left: frozenset[str]
-
-    def fits(self, beside: frozenset[str]) -> bool:
-        """Whether it needs no second fault; ``beside``: of which a pair leaves more than noise.
-
-        What a model is off by, no other fault takes away: where one does, it was that one's.
-        """
-        return not self.is_poor and self.left <= beside
-
-
 class FaultPairs:
     """Finds pairs of faults of one catalogue."""
 
@@ -138,6 +72,22 @@ class FaultPairs:
         self, faults: Mapping[str, Fault], goodness: GoodnessOfFit, dead: Mapping[str, Death]
     ) -> None:
         self._faults, self._goodness, self._dead = faults, goodness, dead
+
+    def may_add(self, sums: EvidenceSums, models: Models, weighing: Weighing, clues: Clues) -> bool:
+        """Whether a second fault may explain enough beside one of those that are left.
+
+        In the weights of noise alone, which no misfit has lowered: no fit explains more.
+        """
+        both = PairModels(models, models, self._dead)
+        columns, numbers = [NONE], dict[int, list[int]]()
+        asked = [(k, 0) for name in clues.rivals for k in _numbers(columns, models[name], numbers)]
+        for rival, other in product(clues.rivals, clues.predicted):
+            if rival != other and clues.cover(rival, other):
+                first, second = (_numbers(columns, m, numbers) for m in both.of((rival, other)))
+                asked += [(one, two) for one in first for two in second]
+        gains = pair_gains(sums, columns, asked, weighing)
+        alone = max((row.nats for row in gains if row.other == 0), default=math.inf)
+        return bool(gains) and gains[0].nats - alone >= BEHIND_NATS
 
     def search(
         self,
@@ -192,16 +142,16 @@ class FaultPairs:
             for pair, row in possible.items()
             if most - row[0].log_likelihood <= drop_nats + KNOWN**2 * max(most, 0.0)
         }
-        nats, alone = self._alone(sums, near, models, weighing)
+        nats, alone = self._alone(sums, near, models, weighing, clues.rivals)
         left = {pair: self._beyond_noise(sums, pair, row[0]) for pair, row in near.items()}
         held = [
             FaultPair(pair, _members(row), nats[pair])
             for pair, row in near.items()
             if self._fits(sums, pair, row)
             and all(
-                nats[pair] - alone[name].nats >= _price(name, alone[name], clues, left[pair])
+                nats[pair] - alone[name].nats >= clues.price(alone[name], row[1:], left[pair])
                 # Of a first fault that is known nothing need be shown again.
-                for name in (pair[:1] if clues.firsts else pair)
+                for name in (pair[:1] if clues.firsts else (*pair, *clues.rivals))
             )
         ]
         if not held or len(held) > MOST_HELD:
@@ -229,9 +179,10 @@ class FaultPairs:
         near: Mapping[Pair, Fitted],
         models: Models,
         weighing: Weighing,
+        rivals: Collection[str],
     ) -> tuple[dict[Pair, float], dict[str, Alone]]:
-        """What each pair explains and what each member does alone, in the same weights."""
-        names = tuple(dict.fromkeys(name for pair in near for name in pair))
+        """What each pair explains, each member and rival alone, in the same weights."""
+        names = tuple(dict.fromkeys((*(name for pair in near for name in pair), *rivals)))
         singles = [model for name in names for model in models[name] if model.sizes]
         joined = [together(one, other) for _, one, other in near.values()]
         fits = fitted(sums, [*joined, *singles], weighing, once=True)
@@ -241,32 +192,28 @@ class FaultPairs:
         pairs = zip(near, fits, strict=False)
         return (
             {pair: fit.log_likelihood for pair, fit in pairs},
-            {name: self._by_itself(sums, models[name], nats[name], weighing) for name in names},
+            {n: self._by_itself(sums, n, models[n], nats[n], weighing) for n in names},
         )
 
     def _by_itself(
-        self, sums: EvidenceSums, models: Sequence[FaultModel], nats: float, weighing: Weighing
+        self,
+        sums: EvidenceSums,
+        name: str,
+        models: Sequence[FaultModel],
+        nats: float,
+        weighing: Weighing,
     ) -> Alone:
         """What a fault leaves, in weights that no other fault has told."""
         known = [model for model in models if model.sizes]
         if not known:
-            return Alone(nats, True, frozenset())
+            return Alone(name, nats, True, frozenset(), frozenset())
         best = max(fitted(sums, known, weighing), key=lambda fit: fit.log_likelihood)
-        poor = self._goodness.misfits(sums, (self._faults[best.fault],), best)
-        return Alone(nats, bool(poor), self._beyond_noise(sums, (best.fault,), best))
+        poor = self._goodness.misfits(sums, (self._faults[name],), best)
+        moved = frozenset(term.residual for model in known for term in model.terms)
+        return Alone(name, nats, bool(poor), self._beyond_noise(sums, (name,), best), moved)
 
     def _beyond_noise(self, sums: EvidenceSums, names: Iterable[str], fit: Fit) -> frozenset[str]:
         return self._goodness.beyond_noise(sums, [self._faults[name] for name in names], fit)
-
-
-def _price(name: str, alone: Alone, clues: Clues, beside: frozenset[str]) -> float:
-    """Nats that another fault must add to this one: no end of them where this one fits.
-
-    What a first fault left is known from before: since the second has begun, an unlikely unit may
-    explain it as well.
-    """
-    fits = alone.fits(beside) and not clues.firsts
-    return min(clues.least(name), math.inf if fits else SECOND_NATS)
 
 
 def _best(

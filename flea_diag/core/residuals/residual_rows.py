@@ -305,10 +305,14 @@ class ResidualSet(Frozen):
         return tuple(row.name for row in self.innovation_rows)
 
     @cached_property
+    def of_unit(self) -> list[str]:
+        """Residuals by prediction that are of the unit, and not of what it stands in."""
+        return [name for name in self.predictions if name not in self.own]
+
+    @cached_property
     def lone_temperature(self) -> list[str]:
         """The temperature of the unit if it has one thermocouple: none steps with it."""
-        of_unit = [name for name in self.predictions if name not in self.own]
-        return of_unit if len(of_unit) < TOGETHER else []
+        return self.of_unit if len(self.of_unit) < TOGETHER else []
 
     @cached_property
     def predicted_columns(self) -> list[int]:

@@ -16,7 +16,8 @@
 
 Heating takes minutes, and a sensor fault moves one reading. Two temperatures that step within
 the same tenth of a second therefore come from the thermocouples of another unit. This is no
-fault; the offsets of the new unit are learned from the start.
+fault; the offsets of the new unit are learned from the start. A reading that steps and then stands
+still, where each one differed from the last before, is of no unit: it has died.
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ recordings of the FLEA, 0.16 million scans."""
 LEAST_STEP_K = 0.3  # noise of a thermocouple
 TOGETHER = 2
 """Number of channels that must step."""
+STILL = AFTER // 2 - 1
+"""Differences of readings after a step that are all 0 where it has died."""
+LIVELY = 0.25
+"""Share of the differences before it that are not 0 where no reading is held for long: half of them
+may be after the step."""
 MEDIAN_ERROR = np.sqrt(np.pi / 2.0 * (1.0 / BEFORE + 1.0 / AFTER))
 """Standard error of a difference of medians of normal noise, in sigmas of the noise."""
 MAD_SIGMA = 1.4826  # of a Gaussian
@@ -94,12 +100,21 @@ def _surely(windows: Array) -> Flags:
     before = windows[:, :BEFORE]
     middle = _medians(before)
     step = np.abs(_medians(windows[:, BEFORE:]) - middle)
+    step[_died(windows)] = 0.0
     seen = _enough(step > LEAST_STEP_K)
     if seen.any():
         apart = np.abs(before[seen] - middle[seen, None])
         sigma = MAD_SIGMA * _medians(apart)
         seen[seen] = _enough(step[seen] > np.maximum(LIMIT * MEDIAN_ERROR * sigma, LEAST_STEP_K))
     return seen
+
+
+def _died(windows: Array) -> Flags:
+    """Which channels stand still at the end of each window, and did not before."""
+    differs = np.diff(windows, axis=1) != 0.0
+    lively = differs[:, :BEFORE].mean(axis=1) > LIVELY
+    died: Flags = lively & ~differs[:, -STILL:].any(axis=1)
+    return died
 
 
 def _medians(windows: Array) -> Array:

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -27,6 +29,7 @@ from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.sensor_models import expected
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
 from flea_diag.core.likelihood.weighing import Weighing, weighing_of
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
@@ -69,6 +72,7 @@ class QuantitativeIsolation:
         self.models = self._of_stand(effects.bound(fitted))
         self.acting = signals_of(self.models, self.names, self.basis)
         self.acting[:, [self.basis.column[name] for name in effects.lacking]] = False
+        self._go_on_without(residuals.predictions)
         self._of_vibration = self._of_stand(effects.bound(fitted, is_vibration_only=True))
         self._baseline = UnitBaseline(self.names, self.basis, self._counts)
         self._waiting: list[Residual] = []
@@ -76,6 +80,14 @@ class QuantitativeIsolation:
     def _of_stand(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
         """Models that move one of the residuals of this stand."""
         return tuple(m for m in models if any(term.residual in self.names for term in m.terms))
+
+    def _go_on_without(self, predictions: Mapping[str, str]) -> None:
+        """A prediction without the reading of a neighbour takes it for none: it errs by nothing."""
+        for row, name in enumerate(self.names):
+            if name in predictions:
+                others = {expected(c).name for n, c in predictions.items() if n != name}
+                places = [self.basis.column[each] for each in others & self.basis.column.keys()]
+                self.acting[row, places] = False
 
     def interrupt_baseline(self) -> None:
         """An episode begins: scans from now on are not part of the baseline."""
@@ -129,13 +141,16 @@ class QuantitativeIsolation:
         sums = episode.evidence.equations.now
         return fitted(sums, models, self.weighing(episode, sums))
 
-    def weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
-        """What evidence of an episode weighs.
+    def weighing(
+        self, episode: FaultEpisode, sums: EvidenceSums, is_same_unit: bool = True
+    ) -> Weighing:
+        """What evidence of an episode weighs; else it may be of another unit than before.
 
         The mechanical baseline is used only where it was learned without the fault: a shift of the
         mechanical relation opened the episode, or vibration deviates and no relation does.
         """
-        shared, baseline = episode.shared, self._baseline.evidence
+        shared = episode.shared
+        baseline = self._baseline.evidence if is_same_unit else None
         mechanical_shift = (
             bool(shared.opening_shift)
             and episode.residuals.relation(shared.opening_shift) == self._friction

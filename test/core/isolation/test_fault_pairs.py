@@ -27,8 +27,9 @@ from support import stands
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.isolation.fault_pairs import Clues, FaultPair, FaultPairs, members
+from flea_diag.core.isolation.fault_pairs import FaultPair, FaultPairs, members
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
+from flea_diag.core.isolation.pair_clues import Clues
 from flea_diag.core.isolation.pair_gains import pair_gains
 from flea_diag.core.isolation.pair_models import (
     Death,
@@ -102,13 +103,14 @@ def clues(
     seen: Mapping[str, Sequence[str]],
     firsts: Sequence[str] = (),
     is_possible: Callable[[Fault, Fit], bool] = anything,
+    rivals: Sequence[str] = (),
 ) -> Clues:
     """What was seen, and which faults predict it."""
     predicted = {
         fault: frozenset(name for name, faults in seen.items() if fault in faults)
         for fault in MODELS
     }
-    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, is_possible)
+    return Clues(predicted, frozenset(seen), frozenset(NAMES), firsts, is_possible, rivals)
 
 
 SEEN = {VOLTS: (BIAS, SCALED, DEAD), FORCE: (LOAD, "jam")}
@@ -129,11 +131,14 @@ def found(known: NormalEquations, said: Clues) -> list[tuple[str, str]]:
     return [pair.faults for pair in pairs(known, said)]
 
 
+def search_of() -> FaultPairs:
+    goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))), MOVED)
+    return FaultPairs(stands.knowledge().faults, goodness, dead())
+
+
 def pairs(known: NormalEquations, said: Clues, models: Models = MODELS) -> tuple[FaultPair, ...]:
     sums = known.now
-    goodness = GoodnessOfFit(replace(SHIPPED, limits=tuple(map(limit, NAMES))), MOVED)
-    search = FaultPairs(stands.knowledge().faults, goodness, dead())
-    return search.search(sums, models, models, weighing(sums), said, 3.5)
+    return search_of().search(sums, models, models, weighing(sums), said, 3.5)
 
 
 def test_two_faults_are_found_with_their_sizes() -> None:
@@ -147,6 +152,34 @@ def test_two_faults_are_found_with_their_sizes() -> None:
 def test_what_one_fault_explains_is_no_pair() -> None:
     one = evidence((VOLTS, lambda wave: 3.0 + 0.0 * wave))
     assert found(one, clues({VOLTS: (BIAS, SCALED, DEAD)})) == []
+
+
+@pytest.mark.parametrize(
+    ("level", "slow", "held"),
+    [(0.7, (), True), (0.7, (VOLTS,), False), (0.3, (), False), (3.0, (VOLTS,), True)],
+)
+def test_a_second_fault_within_the_limits_of_a_mean_must_explain_more(
+    level: float, slow: Sequence[str], held: bool
+) -> None:
+    """Of white noise a level adds ``SCANS / 2 (level / sigma)^2`` nats: 0.7 is 122, 0.3 is 22.
+
+    A temperature may leave its prediction by as much without a fault of its own, not by 15 sigma.
+    """
+    known = evidence(
+        (FORCE, lambda wave: -4.0 + 0.0 * wave), (VOLTS, lambda wave: level + 0.0 * wave)
+    )
+    said = replace(clues({FORCE: (LOAD,)}, rivals=(LOAD,)), slow=frozenset(slow))
+    assert ({BIAS, LOAD} in [set(pair) for pair in found(known, said)]) is held
+    sums = known.now
+    may = search_of().may_add(sums, MODELS, weighing(sums), said)
+    assert may is (level > 0.3)
+
+
+def test_no_pair_holds_beside_one_that_is_left_and_explains_as_much() -> None:
+    known = evidence((VOLTS, lambda wave: 3.0 + 4.0 * wave))
+    said = {VOLTS: (BIAS, SCALED, DEAD)}
+    assert found(known, clues(said)) == [(BIAS, SCALED)]
+    assert found(known, clues(said, rivals=(DEAD,))) == []
 
 
 def test_a_pair_predicts_every_deviation() -> None:

@@ -67,6 +67,16 @@ def test_one_alone_or_none_is_no_change(sizes_k: tuple[float, float, float]) -> 
         assert UnitChange().follow(stepped(*sizes_k, seed=seed)) == 1000
 
 
+@pytest.mark.parametrize(("every", "seen"), [(1, False), (50, True)])
+def test_a_reading_that_dies_is_of_no_unit(every: int, seen: bool) -> None:
+    """But one that comes twice a second stands still after any step."""
+    for seed in range(20):
+        found = stepped(4.0, 0.0, 1.0, seed=seed)
+        found[AT:, 0] = found[AT, 0]
+        found[:, 0] = np.repeat(found[::every, 0], every)
+        assert (UnitChange().follow(found) < 1000) is seen
+
+
 def test_heat_is_no_change() -> None:
     heating = readings() + 0.1 * np.arange(1000)[:, None] / 100.0  # 0.1 K/s, as at an end stop
     assert UnitChange().follow(heating) == 1000

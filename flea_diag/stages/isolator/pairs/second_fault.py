@@ -15,8 +15,9 @@
 """A second fault in an episode: whether one is suspected, since when, and which pairs explain both.
 
 Suspected where no single fault is left, where those that are left leave more than noise, in the
-whole episode or in its last seconds, and where a symbol contradicts a settled group. Nothing is
-searched otherwise: an episode that one fault explains costs one fit of its last seconds every two.
+whole episode or in its last seconds, and where a symbol contradicts a settled group. Otherwise
+pairs are searched where a second fault may add enough to those that are left, by one system now and
+then: an episode that one fault explains costs that, and one fit of its last seconds every two.
 
 A fault that begins later is in a part of the evidence only. So the sums of the episode are kept as
 they were every two seconds; their difference is the evidence since, in which both are throughout.
@@ -94,8 +95,16 @@ class SecondFault:
 
     def explain(self, names: Sequence[str]) -> None:
         """A single fault explains everything so far."""
-        self.firsts, self.suspected = tuple(names), None
-        self.waits = self.searches = 0
+        self.firsts = tuple(names)
+        if self.suspected is not None:
+            self.suspected = None
+            self.waits = self.searches = 0
+
+    def suspect(self, now: Look) -> None:
+        """None does any more."""
+        if self.suspected is None:
+            self.suspected = now
+            self.waits = self.searches = 0
 
     def resume(self, pairs: Sequence[record.TwoFaults]) -> None:
         """Go on from the pairs of the last verdict: their evidence is lost."""

@@ -20,9 +20,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.isolation.fault_pairs import Clues, FaultPairs
+from flea_diag.core.isolation.fault_pairs import FaultPairs
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.missing_jump import JumpMemory, missing_jump
+from flea_diag.core.isolation.pair_clues import Clues
 from flea_diag.core.isolation.pair_models import Models, by_fault, delayed
 from flea_diag.core.likelihood.effect_set import name_of
 from flea_diag.core.likelihood.effects import ELAPSED
@@ -30,6 +31,7 @@ from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.weighing import Weighing
 from flea_diag.core.symbolic.expression import ONE
 from flea_diag.stages.isolator.fault_episode import BOTH_WAYS_S, FaultEpisode
 from flea_diag.stages.isolator.pairs.second_fault import LOOK_EVERY, Look
@@ -74,12 +76,12 @@ class SecondFaultSearch:
         now = Look(stamp_ns, sums.copy(), episode.evidence.motion)
         if second.pairs:
             self._follow(stamp_ns, episode, sums)
-        elif not self._is_suspected(episode, sums):
-            second.explain(episode.names())
-        else:
-            second.suspected = second.suspected or now
+        elif self._is_suspected(episode, sums):
+            second.suspect(now)
             if second.is_due():
                 self._search(stamp_ns, episode, sums)
+        elif not (second.is_due() and self._adds_much(stamp_ns, episode, sums)):
+            second.explain(episode.names())
         second.looks.append(now)
 
     def _applies(self, episode: FaultEpisode) -> bool:
@@ -136,6 +138,27 @@ class SecondFaultSearch:
                 return
         second.start = None
 
+    def _adds_much(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> bool:
+        """Whether a pair explains so much more than those that are left that it holds."""
+        names = episode.names()
+        if len(self._known(names)) < len(names) or not episode.is_conclusive():
+            return False
+        episode.second.start, begin_ns = None, episode.shared.detected_ns
+        clues = self._clues(stamp_ns, episode, begin_ns, episode.evidence.moved_channels())
+        weighing = self._weighing(episode, sums)
+        may = self._pairs.may_add(sums, self._models, weighing, clues)
+        return may and self._find(stamp_ns, episode, sums, ())
+
+    def _weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
+        """What evidence weighs of which those that are left explain all, or do not.
+
+        What they leave may be another unit that has come with its fault; with an error of a reading
+        none comes.
+        """
+        known, names = episode.isolation.hypotheses, episode.names()
+        same = all(known[name].fault.channel for name in names)
+        return self._quantitative.weighing(episode, sums, bool(episode.second.suspected) or same)
+
     def _follow(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
         """Hold the pairs against what has come since; what is left of them, they shrink."""
         known = [pair.faults for pair in episode.second.pairs]
@@ -164,12 +187,16 @@ class SecondFaultSearch:
             sums,
             self._models,
             self._later((begin_ns - episode.shared.detected_ns) / 1e9),
-            self._quantitative.weighing(episode, sums),
+            self._weighing(episode, sums),
             clues,
             self._drop_nats,
             only,
         )
         return bool(second.pairs)
+
+    def _known(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of them that have a model."""
+        return tuple(name for name in names if self._models[name][0].sizes)
 
     def _later(self, after_s: float) -> Models:
         """Models of faults that began with the evidence."""
@@ -203,4 +230,7 @@ class SecondFaultSearch:
 
         relation, known = episode.residuals.relation, self._quantitative.names
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
-        return Clues(predicted, isolation.seen, weighed, firsts, is_possible)
+        rivals = () if episode.second.start else self._known(episode.names())
+        rivals = tuple(name for name in rivals if name in predicted)
+        slow = frozenset(episode.residuals.of_unit)
+        return Clues(predicted, isolation.seen, weighed, firsts, is_possible, rivals, slow)
