@@ -41,7 +41,7 @@ from flea_diag.core.calibration.robust_regression import robust_fit
 from flea_diag.core.calibration.smoothed_columns import Array, Flags, Numbers, Smoothed, smooth
 from flea_diag.core.residuals.channel_units import LOAD
 from flea_diag.core.residuals.measured_graph import rate_symbol
-from flea_diag.core.residuals.parameters import actuator_parameters, further_of
+from flea_diag.core.residuals.parameters import LEAD, actuator_parameters, further_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.settling import Ways, scans_of, scans_since_change, ways
 from flea_diag.core.symbolic.expression import symbols
@@ -76,7 +76,7 @@ def identify(
     drawn = relations_of(True)
     fold = _numbered(folds or tuple(map(str, range(len(runs)))))
     data = replace(smooth(runs, drawn.residuals, kernel_length, period_s), fold=fold)
-    start = {n: v for n, v in drawn.described.items() if n != "encoder_m_per_rad"}
+    start = {n: v for n, v in drawn.described.items() if n != LEAD}
     if "stribeck_speed_m_s" not in start:
         raise CalibrationError(
             "the description has no base parameter stribeck_speed_m_s, the width of the smooth "
@@ -121,11 +121,10 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
     use = data.with_values(rows.encoder, rows.position)
     signals = data.signals(relations, result.parameters) if use.any() else {}
     fit = RelationFits(data, relations, signals, result)
-    name = "encoder_m_per_rad"
     relation, slope = next(iter(rows.of_one_speed), ""), rate_symbol(rows.position)
-    made = fit.regression(relation, slope, [name], use) if signals else None
+    made = fit.regression(relation, slope, [LEAD], use) if signals else None
     if made is None:
-        result.missing([name], "no motor_speed channel")
+        result.missing([LEAD], "no motor_speed channel")
         return
     fit.take(made, use)
 

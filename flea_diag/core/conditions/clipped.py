@@ -43,14 +43,10 @@ class ClippedReadings:
     """State of one stream: which channels are clipped, or were within so many scans."""
 
     def __init__(self, rows: ResidualSet, scans: int, bounding: Bounding) -> None:
-        tested = range(len(rows.rows))[rows.sensor_columns]
+        kept = {*range(len(rows.rows))[rows.sensor_columns], *bounding.columns}
         self._bounding = bounding
         self._columns = [
-            [
-                column
-                for column in rows.needing(name)
-                if column not in tested and column not in bounding.columns
-            ]
+            [column for column in rows.needing(name) if column not in kept]
             for name in rows.channels
         ]
         self._channels, self._scans = rows.channels, scans

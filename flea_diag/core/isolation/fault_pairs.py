@@ -37,7 +37,7 @@ from flea_diag.core.isolation.pair_gains import pair_gains
 from flea_diag.core.isolation.pair_models import Death, Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, moved_by
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.likelihood.weighing import Weighing
 
@@ -209,8 +209,8 @@ class FaultPairs:
             return Alone(name, nats, True, frozenset(), frozenset())
         best = max(fitted(sums, known, weighing), key=lambda fit: fit.log_likelihood)
         poor = self._goodness.misfits(sums, (self._faults[name],), best)
-        moved = frozenset(term.residual for model in known for term in model.terms)
-        return Alone(name, nats, bool(poor), self._beyond_noise(sums, (name,), best), moved)
+        left = self._beyond_noise(sums, (name,), best)
+        return Alone(name, nats, bool(poor), left, moved_by(known))
 
     def _beyond_noise(self, sums: EvidenceSums, names: Iterable[str], fit: Fit) -> frozenset[str]:
         return self._goodness.beyond_noise(sums, [self._faults[name] for name in names], fit)

@@ -29,7 +29,7 @@ from itertools import combinations
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.isolation import KNOWN
 from flea_diag.core.isolation.pair_models import Pair
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, moved_by
 from flea_diag.core.likelihood.fit import Fit
 
 SECOND_NATS = 10.0
@@ -104,7 +104,7 @@ class Clues:
             return min(asked, SECOND_NATS)
         unsure = self.slow - alone.moved
         others = (model for model in both if model.fault != alone.name)
-        if any({term.residual for term in model.terms} <= unsure for model in others):
+        if any(moved_by([model]) <= unsure for model in others):
             return asked
         return min(asked, BEHIND_NATS + KNOWN**2 * max(alone.nats, 0.0))
 

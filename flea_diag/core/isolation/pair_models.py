@@ -28,7 +28,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term, moved_by
 
 Models = Mapping[str, Sequence[FaultModel]]
 Pair = tuple[str, str]
@@ -55,8 +55,7 @@ class Death:
 
     def hides(self, fault: Sequence[FaultModel]) -> frozenset[str]:
         """Relations on which this fault does not act beside it."""
-        moved = {term.residual for model in fault for term in model.terms}
-        apart = bool(self.told) and self.told not in moved
+        apart = bool(self.told) and self.told not in moved_by(fault)
         return (frozenset({self.told}) if apart else self.holding) | self.needing
 
 
@@ -69,7 +68,7 @@ def deaths(
     """Of each fault that is the death of a reading, by ``Stop.needed`` and ``EffectSet.told``."""
     return {
         name: Death(
-            frozenset(term.residual for model in known for term in model.terms),
+            moved_by(known),
             needed.get(faults[name].channel, frozenset()),
             told.get(faults[name].channel, ""),
         )

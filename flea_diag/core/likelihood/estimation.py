@@ -29,7 +29,7 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.basis import effect_of
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, moved_by
 from flea_diag.core.likelihood.fit import Fit, Solution
 from flea_diag.core.likelihood.model_stack import ModelStack
 from flea_diag.core.likelihood.weighing import Weighing
@@ -49,7 +49,7 @@ def fitted(
     if (dispersion != 1.0).any():
         weight = weight / dispersion
         systems = stack.systems(weight, unit)
-    moved = {term.residual for model in models for term in model.terms}
+    moved = moved_by(models)
     counts = sums.samples / spacing * [name in moved for name in sums.residuals]
     log_independent = float(np.log(max(float(counts.sum()), 2.0)))
     nominal = systems.misfit(len(models), float(weight @ sums.square))
@@ -144,7 +144,7 @@ class _Fitting:
         """
         sums, weight, spacing = self.sums, self.weight, self.spacing
         rough, loss = weight.copy(), 0.0
-        moved = {term.residual for term in model.terms}
+        moved = moved_by([model])
         for index, name in enumerate(sums.residuals):
             if name not in moved or not sums.samples[index]:
                 continue

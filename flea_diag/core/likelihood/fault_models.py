@@ -32,6 +32,7 @@ the opposite sign does not explain the residual.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -71,3 +72,8 @@ class FaultModel:
     sizes: tuple[Size, ...]
     terms: tuple[Term, ...]
     roughness: float = 0.0
+
+
+def moved_by(models: Iterable[FaultModel]) -> frozenset[str]:
+    """Residuals that any of these models moves."""
+    return frozenset(term.residual for model in models for term in model.terms)

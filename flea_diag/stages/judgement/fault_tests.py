@@ -22,7 +22,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.detectability import smallest_detectable_offsets
 from flea_diag.core.isolation.predicted_symbols import JUMP_MODES, OWN_TESTS
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, moved_by
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.judgement.tested import tested_names
 
@@ -40,10 +40,7 @@ def tests_of_faults(
     relations = {known.relation(name) for name in smallest_detectable_offsets(calibration)}
     alone = set(tested_names(known, calibration)) & {row.name for row in known.sensor_rows}
     found = {
-        name: frozenset(
-            {t.residual for m in models if m.fault == name for t in m.terms} & relations
-            | _own(fault) & alone
-        )
+        name: moved_by(m for m in models if m.fault == name) & relations | _own(fault) & alone
         for name, fault in faults.items()
     }
     return {name: tests for name, tests in found.items() if tests}

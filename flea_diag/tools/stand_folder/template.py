@@ -37,6 +37,7 @@ from flea_diag.core.calibration.power_balance import (
     smoothed,
 )
 from flea_diag.core.calibration.sign_check import COMMANDED, SUPPLIED, UNITS, roles_of
+from flea_diag.core.residuals.parameters import LEAD
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.fields.reader import read_as
@@ -122,7 +123,7 @@ class Template:
     @property
     def way_per_turn(self) -> float:
         """Way of the moved part, m or rad, for each rad of the motor; 0 where no channel says."""
-        ratio = self.model.base_parameters.get("encoder_m_per_rad")
+        ratio = self.model.base_parameters.get(LEAD)
         return 0.0 if ratio is None else float(evaluate(ratio, self.model.graph.values()))
 
 

@@ -21,7 +21,7 @@ from collections.abc import Collection, Sequence
 
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.isolation.pair_models import PairModels, by_fault
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, moved_by
 from flea_diag.stages.isolator.parameters import Knowledge
 
 
@@ -55,6 +55,6 @@ class Masking:
             and self._shown(fault, name) <= self._needing[name].intersection(without_value)
         )
 
-    def _shown(self, fault: str, dead: str) -> set[str]:
+    def _shown(self, fault: str, dead: str) -> frozenset[str]:
         """Relations that would show a fault beside a dead reading, if they had a value."""
-        return {t.residual for model in self._pairs.beside(fault, dead) for t in model.terms}
+        return moved_by(self._pairs.beside(fault, dead))

@@ -141,13 +141,10 @@ class SecondFaultSearch:
     def _adds_much(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> bool:
         """Whether a pair explains so much more than those that are left that it holds."""
         names = episode.names()
-        if len(self._known(names)) < len(names) or not episode.is_conclusive():
+        if len(self._known(names)) < len(names):
             return False
-        episode.second.start, begin_ns = None, episode.shared.detected_ns
-        clues = self._clues(stamp_ns, episode, begin_ns, episode.evidence.moved_channels())
-        weighing = self._weighing(episode, sums)
-        may = self._pairs.may_add(sums, self._models, weighing, clues)
-        return may and self._find(stamp_ns, episode, sums, ())
+        episode.second.start = None
+        return self._find(stamp_ns, episode, sums, (), unasked=True)
 
     def _weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
         """What evidence weighs of which those that are left explain all, or do not.
@@ -170,7 +167,9 @@ class SecondFaultSearch:
         episode: FaultEpisode,
         sums: EvidenceSums,
         only: Sequence[tuple[str, str]],
+        unasked: bool = False,
     ) -> bool:
+        """Whether pairs hold; ``unasked``: looked for only where a second fault may add much."""
         second, start = episode.second, episode.second.start
         begin_ns = start.stamp_ns if start else episode.shared.detected_ns
         if start is None:
@@ -183,11 +182,14 @@ class SecondFaultSearch:
         if not enough or stamp_ns - begin_ns < LEAST_NS:
             return False
         clues = self._clues(stamp_ns, episode, begin_ns, moved)
+        weighing = self._weighing(episode, sums)
+        if unasked and not self._pairs.may_add(sums, self._models, weighing, clues):
+            return False
         second.pairs = self._pairs.search(
             sums,
             self._models,
             self._later((begin_ns - episode.shared.detected_ns) / 1e9),
-            self._weighing(episode, sums),
+            weighing,
             clues,
             self._drop_nats,
             only,
