@@ -169,6 +169,11 @@ class Calibration(Frozen):
         """Limits of one residual, None if this stand cannot form it."""
         return next((entry for entry in self.limits if entry.name == residual), None)
 
+    @property
+    def variances(self) -> dict[str, float]:
+        """Residual -> variance of a scan, in times of the scans that make an independent one."""
+        return {row.name: row.sigma[0] ** 2 * row.correlation_samples for row in self.limits}
+
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}

@@ -38,11 +38,15 @@ from flea_diag.core.residuals.parameters import (
     UnitSpread,
     UnitTolerance,
 )
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.unit_difference import LEAST
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
+WARM_UP_S = 6.0
+"""Length of these first seconds."""
 MARKS = (
     "winding_resistance_ohm",
     "back_emf_v_s_per_m",
@@ -102,25 +106,75 @@ class UnitStart:
         return f"{said}; learned as its baseline"
 
 
+class StartLearning:
+    """Sums over the first seconds, of every relation in which healthy units differ.
+
+    Parameters
+    ----------
+    known : residuals of the stand
+    tolerance : what healthy units differ by
+    variance : relation -> variance of a scan, in times of scans that make an independent one
+    """
+
+    def __init__(
+        self, known: ResidualSet, tolerance: UnitTolerance, variance: Mapping[str, float]
+    ) -> None:
+        self._known, self._tolerance, self._variance = known, tolerance, variance
+        self.zeros = {
+            residual: OffsetLearning(name, tolerance) for residual, name in known.zeros.items()
+        }
+        """Of the relations that fix a zero."""
+        # Of the unit alone: the relations of the zeros, and the others that units differ in.
+        plain = (known.rows[j].name for j in known.spreading if not known.parities[j].normalised)
+        self._others = {
+            name: OffsetLearning(UNIT_PARAMETERS[0], tolerance)
+            for name in plain
+            if name not in self.zeros
+        }
+
+    def take(self, values: Array, spread: Array, moving: Flags) -> None:
+        """Take n scans: residuals, sensitivities of ``ResidualSet.spreading``, whether it moves."""
+        known = self._known
+        for name, learning in (self.zeros | self._others).items():
+            if name in self._variance:
+                j = known.place[name]
+                # A power needs no motion, and at rest an offset is all that is left of it.
+                at_rest = name == known.friction and name not in known.in_motion
+                use = np.ones_like(moving) if at_rest else moving
+                column = known.spreading.index(j)
+                learning.add(values[use, j], spread[use, column], self._variance[name])
+
+    def estimate(self) -> tuple[Array, Array]:
+        """As ``estimate``, by all these relations together."""
+        return estimate([*self.zeros.values(), *self._others.values()], self._tolerance)
+
+
+def estimate(learning: Sequence[OffsetLearning], tolerance: UnitTolerance) -> tuple[Array, Array]:
+    """Changes of ``UNIT_PARAMETERS`` and their errors; the data alone decide."""
+    if not learning:
+        return np.zeros(len(UNIT_PARAMETERS)), np.full(len(UNIT_PARAMETERS), np.inf)
+    widest = np.array([max(getattr(tolerance, name), LEAST) for name in UNIT_PARAMETERS])
+    information, vector = (sum(parts) for parts in zip(*(e.shown for e in learning), strict=True))
+    covariance = np.linalg.inv(information + np.diag(1.0 / np.square(REACH * widest)))
+    return covariance @ vector, np.sqrt(np.diag(covariance))
+
+
 def unit_start(
-    learning: Sequence[OffsetLearning],
+    shown: tuple[Array, Array],
     parameters: ActuatorParameters,
     tolerance: UnitTolerance,
     calibrated: UnitSpread | None,
 ) -> UnitStart:
-    """The unit that these relations have shown.
+    """The unit that an ``estimate`` shows.
 
     ``calibrated`` is the spread between units, or recordings, of the calibration; without one
     nothing tells another unit from those that it was made from.
     """
-    if calibrated is None or not learning:
+    if calibrated is None:
         return UnitStart()
-    wide = np.array([REACH * max(getattr(tolerance, name), LEAST) for name in UNIT_PARAMETERS])
-    information, vector = (sum(parts) for parts in zip(*(e.shown for e in learning), strict=True))
-    covariance = np.linalg.inv(information + np.diag(1.0 / np.square(wide)))
-    mean, errors = covariance @ vector, np.sqrt(np.diag(covariance))
+    changes = list(zip(UNIT_PARAMETERS, *(part.tolist() for part in shown), strict=True))
     found = []
-    for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True):
+    for name, change, sigma in changes:
         spread, most = calibrated.spread.get(name), getattr(tolerance, name)
         surely = abs(change) - SURE * sigma
         if name not in MARKS or spread is None or not most or surely <= SPREADS * spread:
@@ -133,7 +187,7 @@ def unit_start(
     found.sort(key=lambda each: -abs(each.change) / getattr(tolerance, each.parameter))
     known = {
         name: (change, sigma)
-        for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True)
+        for name, change, sigma in changes
         if name in (*MARKS, *ZEROS) and sigma < getattr(tolerance, name)
     }
     return UnitStart(tuple(found), known)

@@ -21,7 +21,7 @@ again with three tenths; both over the last ten seconds.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -252,28 +252,30 @@ class JudgementLedger:
         return tuple(found)
 
     def _why(self, test: int, recent: _Counts) -> tuple[Cause, str]:
-        """Why a test had not every scan to judge: the first cause that holds."""
-        scans, rest, void, outside, lost = recent.overall.tolist()
+        """Why a test had not every scan to judge: what takes most scans."""
+        scans, rest, *_ = recent.overall.tolist()
         if recent.judged[test] >= scans:
             return Cause.NONE, ""
         if recent.judged[test] >= recent.due[test] and rest:
             return Cause.AT_REST, f"at rest in {_share(rest, scans)} of the scans"
-        for channel in self._needs[test]:
-            missing = int(recent.missing[channel])
-            if missing:
-                name = self._channels[channel]
-                return Cause.MISSING, f"{name} lacks {_share(missing, scans)} of its readings"
-        if lost:
-            return Cause.GAP, f"{_share(lost, scans + lost)} of the scans lost"
-        if self._rows[test].gate != "sensor":
-            if void:
-                return Cause.VOID, self.void_why or AT_END
-            if outside:
-                return Cause.OUTSIDE, "outside the calibration"
-        if unheated := int(recent.unheated[test]):
-            share = _share(unheated, scans)
-            return Cause.UNFORMED, f"what heats it is unknown in {share} of the scans"
+        share, cause, words = max(self._causes(test, recent), key=lambda found: found[0])
+        if share:
+            return cause, words
         return Cause.UNFORMED, "not formed: settling, or too few scans in a row"
+
+    def _causes(self, test: int, recent: _Counts) -> Iterator[tuple[int, Cause, str]]:
+        """Scans that each cause takes, the cause, and its words; of equal ones the first counts."""
+        scans, _, void, outside, lost = recent.overall.tolist()
+        for channel in self._needs[test]:
+            missing, name = int(recent.missing[channel]), self._channels[channel]
+            yield missing, Cause.MISSING, f"{name} lacks {_share(missing, scans)} of its readings"
+        yield lost, Cause.GAP, f"{_share(lost, scans + lost)} of the scans lost"
+        if self._rows[test].gate != "sensor":
+            yield void, Cause.VOID, self.void_why or AT_END
+            yield outside, Cause.OUTSIDE, "outside the calibration"
+        unheated = int(recent.unheated[test])
+        share = _share(unheated, scans)
+        yield unheated, Cause.UNFORMED, f"what heats it is unknown in {share} of the scans"
 
 
 def _needed(row: ResidualRow, known: ResidualSet, motion: list[str]) -> list[int]:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flea_diag.core.likelihood.unit_start import WARM_UP_S
 from flea_diag.stages.observer.state_estimate import KINDS, NONE
 from flea_diag.wire.parameters import parameter
 
@@ -27,7 +28,7 @@ class ObserverParameters:
     """What a user may set on the observer."""
 
     warm_up_s: float = parameter(
-        6.0,
+        WARM_UP_S,
         "time at the start of a stream in which the unit's own sensor offsets are learned",
         unit="s",
         minimum=0.0,

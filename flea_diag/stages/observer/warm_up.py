@@ -28,11 +28,10 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, RunValue
-from flea_diag.core.likelihood.unit_start import SURE, UnitStart, unit_start
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.likelihood.unit_start import SURE, StartLearning, UnitStart, unit_start
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
-from flea_diag.core.residuals.unit_offsets import OffsetLearning
 from flea_diag.wire.records import FREE_PER_RUN, NEVER_NS, ChannelQuality, Quality
 
 Array = npt.NDArray[np.float64]
@@ -48,19 +47,9 @@ class WarmUp:
         self._known = known
         self._calibration = calibration
         self._length_ns = self._ends_ns = round(warm_up_s * 1e9)
-        self._learning = {
-            residual: OffsetLearning(name, calibration.tolerance)
-            for residual, name in known.zeros.items()
-        }
+        self._learning = StartLearning(known, calibration.tolerance, calibration.variances)
         self.unit = UnitStart()
         """Which unit has started; known after the last step."""
-        # Of the unit alone: the relations of the zeros, and the others that units differ in.
-        plain = (known.rows[j].name for j in known.spreading if not known.parities[j].normalised)
-        self._others = {
-            name: OffsetLearning(UNIT_PARAMETERS[0], calibration.tolerance)
-            for name in plain
-            if name not in self._learning and calibration.units
-        }
 
     def begin(self, stamp_ns: int) -> None:
         """The first scan is that of this stamp."""
@@ -78,28 +67,15 @@ class WarmUp:
         """
         zeros = self._known.zeros
         if stamp_ns >= self._ends_ns:
-            c = self._calibration
-            learning = [*self._learning.values(), *self._others.values()]
-            self.unit = unit_start(learning, c.parameters, c.tolerance, c.units)
+            c, learning = self._calibration, self._learning
+            self.unit = unit_start(learning.estimate(), c.parameters, c.tolerance, c.units)
             return {
-                zeros[residual]: learning.offset()
-                for residual, learning in self._learning.items()
+                zeros[residual]: zero.offset()
+                for residual, zero in learning.zeros.items()
                 if not (zeros[residual] == "voltage_offset_v" and voltage_lost)
             }
-        self._learn(residuals)
+        self._learning.take(residuals.values, residuals.spread, residuals.moving)
         return None
-
-    def _learn(self, residuals: ResidualRows) -> None:
-        for name, learning in (self._learning | self._others).items():
-            limit = self._calibration.limit(name)
-            if limit is not None:
-                j = self._known.place[name]
-                # A power needs no motion, and at rest an offset is all that is left of it.
-                at_rest = name == self._known.friction and name not in self._known.in_motion
-                use = np.ones_like(residuals.moving) if at_rest else residuals.moving
-                values = residuals.values[use, j]
-                spread = residuals.spread[use, self._known.spreading.index(j)]
-                learning.add(values, spread, limit.sigma[0] ** 2 * limit.correlation_samples)
 
 
 class RunWatch:

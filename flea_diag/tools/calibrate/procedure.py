@@ -37,6 +37,7 @@ from flea_diag.core.calibration.limits import thresholds
 from flea_diag.core.calibration.limits.thresholds import LimitFit
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.out_of_sample import LeftOut
+from flea_diag.core.calibration.run_spread import with_starts
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -159,8 +160,9 @@ def _learn(
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
         envelope=envelope,
-        units=units if units.count else None,
     )
+    if units.count:
+        calibration = replace(calibration, units=with_starts(units, calibration, judged))
     spread = innovations.spread
     odd = thresholds.not_nominal(
         tested, false_alarms_per_hour, period_s, tolerance, folds, spread, limits, judged, terms

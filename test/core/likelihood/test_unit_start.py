@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from support.observed import FLEA_TOLERANCE, flea_parameters
 
-from flea_diag.core.likelihood.unit_start import UnitStart, unit_start
+from flea_diag.core.likelihood.unit_start import UnitStart, estimate, unit_start
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
     UnitSpread,
@@ -48,7 +48,7 @@ def started(resistance: float, force: float, offset: float = 0.0, scans: int = 5
         r -= s[:, UNIT_PARAMETERS.index("voltage_offset_v")] * offset
         learning.append(OffsetLearning("voltage_offset_v", TOLERANCE))
         learning[-1].add(r, s, SIGMA**2)
-    return unit_start(learning, PARAMETERS, TOLERANCE, CALIBRATED)
+    return unit_start(estimate(learning, TOLERANCE), PARAMETERS, TOLERANCE, CALIBRATED)
 
 
 def test_the_unit_of_the_calibration_is_no_other() -> None:
@@ -87,6 +87,8 @@ def test_too_little_motion_is_no_evidence() -> None:
 
 
 def test_a_calibration_that_knows_no_unit_calls_none_another() -> None:
-    assert unit_start((), PARAMETERS, TOLERANCE, CALIBRATED) == UnitStart()
-    learning = OffsetLearning("voltage_offset_v", TOLERANCE)
-    assert unit_start((learning,), PARAMETERS, TOLERANCE, None) == UnitStart()
+    nothing = estimate((), TOLERANCE)
+    assert unit_start(nothing, PARAMETERS, TOLERANCE, CALIBRATED) == UnitStart()
+    other = np.full(len(UNIT_PARAMETERS), 1e3), np.ones(len(UNIT_PARAMETERS))
+    assert unit_start(other, PARAMETERS, TOLERANCE, CALIBRATED).is_beyond
+    assert unit_start(other, PARAMETERS, TOLERANCE, None) == UnitStart()

@@ -59,6 +59,7 @@ class Stream:
         moving: bool = True,
         lacking: str = "",
         unheated: bool = False,
+        outside: bool = False,
     ) -> None:
         rows = np.zeros((1, len(self.known.channels)))
         if lacking:
@@ -69,7 +70,7 @@ class Stream:
         residuals = ResidualRows(z, z[:, :0, None], z[:, :0], np.zeros((1, 2)), np.array([moving]))
         for _ in range(scans):
             stamps_ns = np.array([self.scans * SECOND_NS // 10])
-            if not self.ledger.take(stamps_ns, rows, residuals, z, False, False):
+            if not self.ledger.take(stamps_ns, rows, residuals, z, False, outside):
                 self.turns.append(self.scans)
             self.scans += 1
 
@@ -129,6 +130,16 @@ def test_a_pause_is_no_judgement_and_lost_scans_are_a_gap() -> None:
     stream.ledger.lose(3)
     stream.take(10)
     assert stream.of("parity_mechanical").cause is Cause.GAP
+
+
+def test_the_cause_is_what_takes_most_scans() -> None:
+    stream = Stream()
+    stream.take(1, formed=False, lacking="load_force")
+    stream.take(50, formed=False, outside=True)
+    row = stream.of("parity_mechanical")
+    assert (row.judged, row.cause) == (False, Cause.OUTSIDE)
+    stream.take(60, formed=False, lacking="load_force")
+    assert stream.of("parity_mechanical").why == "load_force lacks 60 % of its readings"
 
 
 def lacking(channel: str, every: int) -> list[Scan]:
