@@ -70,6 +70,7 @@ GENERAL: dict[Row, str] = {
     ("detection/mean_shift.py", "LEAST_ALWAYS_S", 6.0): "size of a sample",
     ("detection/mean_shift.py", "SHIFT_WINDOWS_S", (2.0, 4.0)): "time to a detection",
     ("detection/symbols.py", "SLOPE_S", 2.0): "time of a symbol, after the paper",
+    ("likelihood/unit_start.py", "WARM_UP_S", 6.0): "size of a sample",
     ("isolation/goodness_of_fit.py", "BLOCK_S", 0.5): "the shortest window",
     ("wiring/candidates.py", "LONGEST_S", 0.3): "longer than a bus delays, shorter than a motion",
     ("wiring/wiring_search.py", "ENOUGH_S", 1.0): "size of a sample",

@@ -114,9 +114,7 @@ def recorded_spread(sigmas: Mapping[str, float], recordings: int) -> UnitSpread:
     return UnitSpread(1, {name: sigma * math.sqrt(recordings) for name, sigma in known.items()})
 
 
-def with_starts(
-    units: UnitSpread, calibration: Calibration, traces: Sequence[Trace]
-) -> UnitSpread:
+def with_starts(units: UnitSpread, calibration: Calibration, traces: Sequence[Trace]) -> UnitSpread:
     """The spread of what marks a unit, at least that of the first seconds of its recordings.
 
     Each is judged by the parameters of the others, as a diagnosis judges a recording, and counts

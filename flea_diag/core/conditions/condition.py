@@ -53,8 +53,9 @@ class Condition(Frozen):
 
 
 def _with_reaction(known: RelationSet) -> Columns:
-    """Balances that hold the reaction of a stop."""
-    return known.residuals.of_relations(known.stop.reactions)
+    """Balances that hold the reaction of a stop, and what friction heats: running into it does."""
+    rows = known.residuals
+    return [*rows.of_relations(known.stop.reactions), *rows.columns(known.rubbed)]
 
 
 def _reading(*channels: str) -> Callable[[RelationSet], Columns]:

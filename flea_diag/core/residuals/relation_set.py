@@ -169,6 +169,11 @@ class RelationSet(Frozen):
         """Channels that predicted stores exchange with."""
         return tuple(dict.fromkeys(name for row in self.predictions for name in row.exchange))
 
+    @property
+    def rubbed(self) -> tuple[str, ...]:
+        """Predictions of what friction heats."""
+        return tuple(row.name for row in self.predictions if DIRECTION in symbols(row.supply))
+
     @cached_property
     def differing(self) -> tuple[str, ...]:
         """Relations in which healthy units differ."""

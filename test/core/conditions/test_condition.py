@@ -43,8 +43,9 @@ def test_a_row_is_judged_somewhere_or_voids_nothing(row: object) -> None:
         assert NAMED[row.name].columns(FLEA) == []
 
 
-def test_the_end_of_travel_voids_the_balance_of_forces_and_its_normalised_form() -> None:
-    assert voided(END_OF_TRAVEL) == ["parity_mechanical", "parity_mechanical_dn"]
+def test_the_end_of_travel_voids_the_balance_of_forces_and_what_an_impact_heats() -> None:
+    balance = ["parity_mechanical", "parity_mechanical_dn"]
+    assert voided(END_OF_TRAVEL) == [*balance, "nut_temperature"]
     assert NAMED[END_OF_TRAVEL].longest_s is not None
 
 
