@@ -90,11 +90,27 @@ def test_what_is_typed_goes_into_the_dialog_from_the_next_key_on(session: PageSe
     browser.until(f"!{OPEN}")
     browser.press("c", ENTER)
     browser.until_text("dialog[open]", "Enter a text first")
-    browser.press(ESCAPE, "?", "a", ESCAPE)
+    browser.press(ESCAPE, "?")
+    browser.until_text("dialog[open]", "Keys")
+    browser.press("a", ESCAPE)
     browser.until(f"!{OPEN}")
     browser.press("a")
     browser.until_text("#panel-episodes", "by Ada")
     assert [mark.text for mark in session.desk.state.marks] == ["load changed"]
+
+
+def test_a_key_counts_from_the_moment_a_dialog_is_closed(session: PageSession) -> None:
+    """The browser takes the focus out of a field that is gone only with a later frame."""
+    browser = session.browser
+    keys = browser.run(f"""(() => {{
+      document.querySelector('[data-opens=mark]').click();
+      {OPEN}.close();
+      const typed = new KeyboardEvent('keydown', {{key: '?', bubbles: true}});
+      document.activeElement.dispatchEvent(typed);
+      return {OPEN}?.dataset.name; }})()""")
+    assert keys == "keys"
+    browser.press(ESCAPE)
+    browser.until(f"!{OPEN}")
 
 
 def test_the_charts_are_held_zoomed_and_kept(session: PageSession) -> None:
