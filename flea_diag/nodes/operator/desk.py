@@ -122,7 +122,7 @@ class Desk:
 
     def _reread(self) -> None:
         journal = self._journal
-        self.state = with_journal(
+        state = with_journal(
             self.state,
             journal.alarms(MOST_ALARMS, [alarm.detected_ns for alarm in self.state.alarms]),
             journal.marks(),
@@ -130,7 +130,8 @@ class Desk:
             journal.times(),
             journal.waiting(),
         )
-        self.state = as_of(self.state, time.time_ns())
+        # At once: a screen would draw what is silenced or can be undone as if it were not.
+        self.state = as_of(state, time.time_ns())
         self._noted = {alarm.key: alarm for alarm in self.state.alarms}
 
     def _kept(self, call: Callable[..., Any], *arguments: Any) -> bool:

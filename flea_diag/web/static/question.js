@@ -51,6 +51,7 @@ export default {
       this.$emit("opened", this.alarm);
     },
     keyed(event) {
+      if (!this.$el.open) return;  // the focus has not left it yet, but the key is the page's
       event.stopPropagation();
       if (event.key === "Enter" && !event.shiftKey && !event.isComposing && event.target === this.$refs.field) { event.preventDefault(); this.save(); }
     },

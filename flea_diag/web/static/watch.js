@@ -71,7 +71,9 @@ export default {
       document.body.classList.toggle("muted", this.ringing > 0 && bell.context?.state !== "running");
     }, 250);
     this.keyed = (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      // For a moment after its dialog was closed a field still has the focus: that key is the page's.
+      if (/INPUT|TEXTAREA|SELECT/.test(event.target.tagName) && !hidden(event.target)) return;
       if (document.querySelector("dialog[open]")) return;
       if (event.key in STEPS && this.step(STEPS[event.key])) { event.preventDefault(); return; }
       if (event.key === "Escape" && menu(false)) return;

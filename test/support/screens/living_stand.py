@@ -50,15 +50,23 @@ class LivingStand:
         self.verdict: AmbiguityGroup | None = None
         self.z = (0.0, 4.7e-16, 0.0, 0.05)
         self.lives = threading.Event()
+        self._lock = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._live, daemon=True)
 
     def take(self, *records: Record) -> None:
         """Records that arrive now; a verdict is repeated from then on."""
-        for record in records:
-            if isinstance(record, AmbiguityGroup):
-                self.verdict = record
-            self.desk.take(record)
+        with self._lock:
+            for record in records:
+                if isinstance(record, AmbiguityGroup):
+                    self.verdict = record
+                self.desk.take(record)
+
+    def _repeat(self, count: int) -> None:
+        """The last verdict once more, and none that another has just followed."""
+        with self._lock:
+            if self.verdict is not None:
+                self.desk.take(replace(self.verdict, seq=count, stamp_ns=time.time_ns()))
 
     def tell_channels(self, lost: int = 0) -> None:
         """The table of channels, and that all of them are good."""
@@ -84,8 +92,8 @@ class LivingStand:
             self.desk.take(Scan(now_ns, tuple(name for name, _ in CHANNELS), swing))
             self.desk.take(Residual(now_ns, RESIDUALS, (0.0,) * 4, self.z, LIMITS))
             self.desk.take(VibrationLevel(now_ns, ("accelerometer_1_x",), (0.5,), (3.0,)))
-            if self.verdict is not None and count % VERDICT_EVERY == 0:
-                self.desk.take(replace(self.verdict, seq=count, stamp_ns=now_ns))
+            if count % VERDICT_EVERY == 0:
+                self._repeat(count)
             self.desk.tick()
 
     def close(self) -> None:
