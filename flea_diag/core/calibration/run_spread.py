@@ -19,9 +19,6 @@ give, less the variance of these values' errors (the moment estimate of a random
 it has k - 1 degrees of freedom, so it is joined with the stated tolerance as with ``STATED`` more:
 
     T^2 = (STATED T_stated^2 + (k - 1) T_measured^2) / (STATED + k - 1)
-
-What tells another unit is held against more than that: the first seconds of a recording see a
-parameter through all that the relations lack in its motion (``with_starts``).
 """
 
 from __future__ import annotations
@@ -33,9 +30,6 @@ from dataclasses import replace
 import numpy as np
 
 from flea_diag.core.bond_graph.tolerance import Tolerance
-from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.likelihood.unit_start import MARKS, WARM_UP_S, StartLearning
 from flea_diag.core.residuals.parameters import (
     LATER_TOLERANCES,
     UNIT_PARAMETERS,
@@ -112,30 +106,6 @@ def recorded_spread(sigmas: Mapping[str, float], recordings: int) -> UnitSpread:
     """Spread of the parameters between the recordings of one unit, by the errors of their mean."""
     known = {name: sigma for name, sigma in sigmas.items() if name in UNIT_PARAMETERS}
     return UnitSpread(1, {name: sigma * math.sqrt(recordings) for name, sigma in known.items()})
-
-
-def with_starts(units: UnitSpread, calibration: Calibration, traces: Sequence[Trace]) -> UnitSpread:
-    """The spread of what marks a unit, at least that of the first seconds of its recordings.
-
-    Each is judged by the parameters of the others, as a diagnosis judges a recording, and counts
-    with what noise does not explain of it.
-    """
-    scans = round(WARM_UP_S / calibration.period_s)
-    excess: dict[str, list[float]] = {name: [] for name in MARKS}
-    for trace in traces:
-        start = StartLearning(trace.rows, calibration.tolerance, calibration.variances)
-        assert trace.spread is not None
-        start.take(trace.values[:scans], trace.spread[:scans], trace.moving[:scans])
-        for name, change, sigma in zip(UNIT_PARAMETERS, *start.estimate(), strict=True):
-            if name in excess and sigma < getattr(calibration.tolerance, name):
-                excess[name].append(change**2 - sigma**2)
-    shown = {
-        name: math.sqrt(max(0.0, float(np.mean(squares))))
-        for name, squares in excess.items()
-        if squares
-    }
-    spread = {name: max(known, shown.get(name, 0.0)) for name, known in units.spread.items()}
-    return replace(units, spread=spread)
 
 
 def are_one(measured: UnitSpread, stated: UnitTolerance) -> bool:

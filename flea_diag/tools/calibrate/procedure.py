@@ -37,7 +37,6 @@ from flea_diag.core.calibration.limits import thresholds
 from flea_diag.core.calibration.limits.thresholds import LimitFit
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.out_of_sample import LeftOut
-from flea_diag.core.calibration.run_spread import with_starts
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -46,7 +45,7 @@ from flea_diag.core.sensors.sensor_limits import sensor_limits
 from flea_diag.tools.calibrate.dead_sensors import dead_sensors, readings
 from flea_diag.tools.calibrate.law import LawOfRecordings
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
-from flea_diag.tools.calibrate.recorded_units import folds_of, units_of
+from flea_diag.tools.calibrate.recorded_units import folds_of, units_of, with_starts
 from flea_diag.tools.calibrate.recording_checks import check_left_out, check_recordings
 from flea_diag.tools.calibrate.shared_work import ALONE, RecordingWork, Sharing
 

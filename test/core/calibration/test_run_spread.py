@@ -21,19 +21,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import stands
 from support.observed import FLEA_TOLERANCE, flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.calibration.run_spread import (
-    are_one,
-    joined,
-    measured_spread,
-    tolerance_of,
-    with_starts,
-)
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitSpread
+from flea_diag.core.calibration.run_spread import are_one, joined, measured_spread, tolerance_of
+from flea_diag.core.residuals.parameters import UnitSpread
 
 RESISTANCE = "winding_resistance_ohm"
 STATED = replace(FLEA_TOLERANCE, winding_resistance_ohm=0.3)
@@ -92,24 +84,3 @@ def test_three_serial_numbers_of_one_unit_are_seen_by_their_likeness(
     spread = {RESISTANCE: apart, "back_emf_v_s_per_m": 0.1, "voltage_offset_v": 0.5}
     assert are_one(UnitSpread(3, spread), STATED) is one
     assert not are_one(UnitSpread(), STATED)
-
-
-def started(name: str, change: float) -> Trace:
-    """A recording whose first seconds show so much more resistance, and nothing after them."""
-    rows, scans = stands.relations().residuals, 2000
-    column = rows.place["parity_electrical"]
-    values = np.zeros((scans, len(rows.rows)))
-    spread = np.zeros((scans, len(rows.spreading), len(UNIT_PARAMETERS)))
-    current = 2.0 * np.sin(0.05 * np.arange(scans))
-    spread[:, rows.spreading.index(column), UNIT_PARAMETERS.index(RESISTANCE)] = current
-    values[:600, column] = -change * current[:600]
-    still = np.ones(scans)
-    return Trace(name, rows, values, still, still.astype(bool), still.astype(bool), spread)
-
-
-def test_what_the_first_seconds_of_a_healthy_recording_show_is_no_other_unit() -> None:
-    known, calibration = UnitSpread(1, {RESISTANCE: 0.01}), stands.calibration()
-    quiet = started("quiet", 0.0)
-    assert with_starts(known, calibration, [quiet, quiet]) == known
-    wider = with_starts(known, calibration, [quiet, started("odd", 1.0)]).spread[RESISTANCE]
-    assert 0.5 < wider < 1.0 / math.sqrt(2.0)
