@@ -44,8 +44,8 @@ from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_records import ResidualRecords
 from flea_diag.stages.observer.residual_stream import StreamOutput
-from flea_diag.stages.recurrence.recurrence_watch import placed_along
-from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+from flea_diag.stages.recurrence.waiting_scans import WaitingScans
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import Record
 
 Flags = npt.NDArray[np.bool_]
@@ -72,8 +72,8 @@ class UnitChain(ObserverChain):
         """The one thermocouple of the unit, by residual; none where there are more."""
         slow = set(rows.predictions).difference(alone)
         self._slow = np.array([name in slow for name in knowledge.relations])
-        super().__init__(calibration, effects, parameters)
         self._position = rows.position if rows.position in effects.names else ""
+        super().__init__(calibration, effects, parameters)
         self._records = ResidualRecords(rows, calibration, self.stream.regressor_names)
 
     def _renew(self) -> None:
@@ -83,9 +83,7 @@ class UnitChain(ObserverChain):
     def _forget(self) -> None:
         """Nothing so far counts."""
         self._columns = self._k.columns()
-        self._waiting: list[ResidualBlock] = []
-        self._waits = self._in_window = 0
-        """Scans that wait, and those of the present window that have been taken before them."""
+        self._waiting = WaitingScans(self._k.scans, self._position)
         self._kept: KeptScans | None = None
         self._means: LawWindowMeans | None = None
         """Makes windows while the question is asked."""
@@ -132,11 +130,9 @@ class UnitChain(ObserverChain):
         answered = len(block)
         if self.stream.learns:  # until its zeros are known, a residual is another quantity
             return answered
-        before = self._waits
-        self._waiting.append(self._records.block(block, output))
-        self._waits += len(block)
-        together = TOGETHER if self._question is None else 1
-        if self._in_window + self._waits < together * self._k.scans:
+        before = len(self._waiting)
+        self._waiting.extend(self._records.block(block, output))
+        if not self._waiting.complete(TOGETHER if self._question is None else 1):
             return answered
         question = self._question
         for number, window in self._keep():
@@ -146,10 +142,7 @@ class UnitChain(ObserverChain):
 
     def _keep(self) -> Iterator[tuple[int, LawWindow]]:
         """Keep the scans that wait; windows of them, each with its last scan, while it is asked."""
-        joined, self._waiting = ResidualBlock.joined(self._waiting), []
-        self._in_window = (self._in_window + self._waits) % self._k.scans
-        self._waits = 0
-        placed = placed_along(joined, self._position)
+        placed = self._waiting.taken()
         if self._kept is None:
             means = self._columns.means(placed.regressor_names)
             self._kept = KeptScans(means, self._k.scans, round(KEPT_S / WINDOW_S))
@@ -161,7 +154,7 @@ class UnitChain(ObserverChain):
 
     def _asked(self, sudden: bool) -> ShiftQuestion:
         """Of the windows up to now."""
-        if self._in_window + self._waits >= self._k.scans:
+        if self._waiting.complete():
             self._keep()
         if self._kept is None:
             return ShiftQuestion(self._k.stream(), ())

@@ -45,7 +45,8 @@ from flea_diag.core.recurrence.recurring import (
 from flea_diag.core.recurrence.stream_rows import StreamRows
 from flea_diag.core.recurrence.watched_windows import WatchedWindow, WatchedWindows
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S, zeroed
-from flea_diag.wire.blocks import ResidualBlock, block_of
+from flea_diag.stages.recurrence.waiting_scans import WaitingScans
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
 
 Array = npt.NDArray[np.float64]
@@ -120,30 +121,18 @@ class RecurrenceWatch:
 
     def __init__(self, knowledge: RecurrenceKnowledge, drop_nats: float) -> None:
         self._k, self._drop_nats = knowledge, drop_nats
-        self._waiting: list[ResidualBlock] = []
-        """Scans of which no window has been made yet."""
-        self._singly: list[Residual] = []
-        """Those behind them, which came one by one."""
-        self._waits = 0
-        """Number of all that wait."""
-        self._last_ns, self._in_window = NEVER_NS, 0
+        self._last_ns = NEVER_NS
         self.forget()
 
     def forget(self) -> None:
         """A new stream, or another unit: nothing so far counts."""
-        self._drop_waiting()
-        self._in_window = 0
+        self._waiting = WaitingScans(self._k.scans, self._k.position)
         self._offsets: Offsets = ()
         self._columns = self._k.columns()
         self._jump: Array | None = None
         """By how much each reading has jumped so far in a window that has begun; None: none has."""
         self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
         self._arm()
-
-    def _drop_waiting(self) -> None:
-        self._waiting.clear()
-        self._singly.clear()
-        self._waits = 0
 
     def rearm(self) -> None:
         """What was found is over."""
@@ -171,10 +160,10 @@ class RecurrenceWatch:
             record = replace(record, values=(math.nan,) * len(record.values))
         self._begin(record.stamp_ns, offsets)
         self._last_ns = record.stamp_ns
-        self._singly.append(record)
-        if not self._completes(1):
+        self._waiting.add(record)
+        if not self._completes():
             return None
-        return next((found for _, found in self._take(self._flushed())), None)
+        return next((found for _, found in self._take(self._waiting.taken())), None)
 
     def take(
         self, block: ResidualBlock, offsets: Offsets, stopped: bool = False
@@ -186,42 +175,26 @@ class RecurrenceWatch:
             block = replace(block, values=np.full_like(block.values, math.nan))
         self._begin(int(block.stamps_ns[0]), offsets)
         self._last_ns = int(block.stamps_ns[-1])
-        before = self._waits
-        self._gather()
-        self._waiting.append(block)
-        if not self._completes(len(block)):
+        before = len(self._waiting)
+        self._waiting.extend(block)
+        if not self._completes():
             return
-        for taken, found in self._take(self._flushed()):
+        for taken, found in self._take(self._waiting.taken()):
             yield taken - before, found
 
-    def _completes(self, count: int) -> bool:
-        """Whether with so many scans more there are windows that may show something.
+    def _completes(self) -> bool:
+        """Whether there are windows that may show something.
 
         Nothing is found before a burst is over. So while none has begun, as many windows are made
         together as that takes, which costs little more than one.
         """
-        self._waits += count
-        windows = 1 if len(self._history) else 1 + OVER_WINDOWS
-        return self._in_window + self._waits >= windows * self._k.scans
+        return self._waiting.complete(1 if len(self._history) else 1 + OVER_WINDOWS)
 
     def _settle(self) -> None:
         """Make the windows that are whole: what comes next is not to change them."""
-        if self._in_window + self._waits >= self._k.scans:
-            found = next(self._take(self._flushed()), None)
+        if self._waiting.complete():
+            found = next(self._take(self._waiting.taken()), None)
             assert found is None, "something was found before its burst was over"
-
-    def _gather(self) -> None:
-        """Of scans that came one by one, make a block."""
-        if self._singly:
-            self._waiting.append(block_of(*self._singly))
-            self._singly.clear()
-
-    def _flushed(self) -> ResidualBlock:
-        """All that waits."""
-        self._gather()
-        block = ResidualBlock.joined(self._waiting)
-        self._drop_waiting()
-        return block
 
     def _begin(self, stamp_ns: int, offsets: Offsets) -> None:
         if self._last_ns != NEVER_NS and not 0 < stamp_ns - self._last_ns <= GAP_NS:
@@ -233,13 +206,10 @@ class RecurrenceWatch:
 
     def _take(self, block: ResidualBlock) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take scans that complete a window."""
-        k = self._k
-        placed = placed_along(block, k.position)
-        end, windows = self._columns.together(placed)
-        ends = np.arange(end, len(block), k.scans)
+        end, windows = self._columns.together(block)
+        ends = np.arange(end, len(block), self._k.scans)
         jumps = self._leaps(block, ends)
-        self._in_window = (self._in_window + len(block)) % k.scans
-        places = placed.regressors[ends, placed.regressor_names.index(PLACE)]
+        places = block.regressors[ends, block.regressor_names.index(PLACE)]
         rows = self._rows.add(windows)
         for number, far in enumerate(rows.farthest.tolist()):
             if not (len(self._history) or far > FAR):
@@ -349,14 +319,3 @@ class RecurrenceWatch:
             unseen_s=unseen_s,
             most=most_times(count, present_s + absent_s, unseen_s),
         )
-
-
-def placed_along(block: ResidualBlock, position: str) -> ResidualBlock:
-    """The same residuals with the place along the stroke; NaN where nothing reads it."""
-    names = block.regressor_names
-    place = np.full(len(block), math.nan)
-    if position in names:
-        place = block.regressors[:, names.index(position)]
-    columns = block.regressors[:, :-2], place, block.regressors[:, -2:]
-    names = (*names[:-2], PLACE, *names[-2:])
-    return replace(block, regressors=np.column_stack(columns), regressor_names=names)
