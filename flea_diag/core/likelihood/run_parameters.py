@@ -20,6 +20,9 @@ squares in information form. Two priors count: with what healthy units differ by
 all that can explain a level; ``REACH`` times as wide, friction explains it as well, until the
 machine has gone both ways. So a level that the parameter alone explains is no evidence yet, and
 one value is known once both ways agree on it.
+
+A fault that begins while another value is learned is no value: where one has been known, none
+counts that leaves more of the relations than healthy recordings do.
 """
 
 from __future__ import annotations
@@ -168,6 +171,9 @@ class RunLearning:
     variance, least
         Of each relation the variance of a scan by which a mean of independent ones would scatter
         as it does, and the least sigma of its tests; shape (relations,).
+    most
+        Most that healthy recordings leave of all relations together, root mean square over the
+        scans, in least sigmas.
     """
 
     terms: FreeTerms
@@ -176,6 +182,7 @@ class RunLearning:
     tolerance: Mapping[str, float]
     variance: Array
     least: Array
+    most: float
     counts: ScanCounts
     found: tuple[RunValue, ...] = ()
     """What is known of this run; empty while it is as calibrated."""
@@ -263,6 +270,9 @@ class RunLearning:
         error = self._sums.error(covariance)
         if error > self._aim:
             return False
+        if self.covariance.any() and self._sums.left(every) > self.most:
+            self.stage, self.restarts = RunStage.KNOWN, False
+            return True
         same, self._aim = self.waits and self._is_same(change, covariance), error / 2.0
         self.restarts = self.waits and not same
         self.stage = RunStage.KNOWN if same or error <= LAST else RunStage.REFINED
@@ -297,6 +307,8 @@ class _Sums:
     def __init__(self, width: int, least: Array) -> None:
         self._information, self._vector = np.zeros((width, width)), np.zeros(width)
         self._squares, self._least = np.zeros((width, width)), least
+        # The same in least sigmas: products with the values, and the squares of these.
+        self._products, self._sum = np.zeros(width), 0.0
         self.scans = 0
 
     def add(self, values: Array, slopes: Array, known: Flags, variance: Array) -> None:
@@ -306,8 +318,9 @@ class _Sums:
         self._information = self._information + weighed.T @ used
         # A residual r at a value wants the parameter moved by -r / (dr/dp).
         self._vector = self._vector - weighed.T @ values[known]
-        scaled = used / self._least[known, None]
+        scaled, apart = used / self._least[known, None], values[known] / self._least[known]
         self._squares = self._squares + scaled.T @ scaled
+        self._products, self._sum = self._products + scaled.T @ apart, self._sum + apart @ apart
         self.scans += 1
 
     def solved(self, prior: Array, already: Array | None = None) -> tuple[Array, Array]:
@@ -316,6 +329,11 @@ class _Sums:
         covariance: Array = np.asarray(inverse, dtype=np.float64)
         moved = 0.0 if already is None else self._information @ already
         return covariance @ (self._vector - moved), covariance
+
+    def left(self, change: Array) -> float:
+        """Root mean square over the scans of what these parameters leave, in least sigmas."""
+        moved = 2.0 * self._products + self._squares @ change
+        return float(np.sqrt(max(self._sum + change @ moved, 0.0) / self.scans))
 
     def error(self, covariance: Array) -> float:
         """Root mean square over the scans of what the first parameters leave, in least sigmas."""

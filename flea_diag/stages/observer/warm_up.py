@@ -85,7 +85,8 @@ class RunWatch:
         c, known = calibration, relations.residuals
         self._terms, self._calibrated = terms, c.parameters
         self._known = known
-        # Least sigma of a mean, and the noise of a scan that scatters a mean so long by as much.
+        # Least sigma of a mean, and the noise of a scan that scatters a mean so long by as much;
+        # the largest limit of one, in least sigmas.
         scatter = np.array([_least(c.limit(name)) for name in terms.relations])
         self._least, variance = scatter[:, 0], np.square(scatter[:, 0]) * scatter[:, 1]
         self._learning = RunLearning(
@@ -95,6 +96,7 @@ class RunWatch:
             {name: getattr(c.tolerance, name) for name in terms.beside},
             variance,
             self._least,
+            float(np.linalg.norm(scatter[:, 2])),
             c.counts,
         )
         self.void = [*known.of_relations(terms.relations), *known.columns(known.innovations)]
@@ -177,8 +179,9 @@ class RunWatch:
         return f"{words} in this run (calibrated: {calibrated:.4g}{follows})"
 
 
-def _least(limit: ResidualLimit | None) -> tuple[float, float]:
-    """Least sigma of a mean and its scans; what has no limit says nothing."""
+def _least(limit: ResidualLimit | None) -> tuple[float, float, float]:
+    """Least sigma of a mean, its scans, largest limit over it; what has no limit says nothing."""
     if limit is None:
-        return np.inf, 1.0
-    return min((min(window.sigma), float(window.window)) for window in limit.windows)
+        return np.inf, 1.0, 0.0
+    sigma, scans = min((min(window.sigma), float(window.window)) for window in limit.windows)
+    return sigma, scans, max(window.k * max(window.sigma) for window in limit.windows) / sigma

@@ -39,6 +39,7 @@ def learning(low: float = 0.0, high: float = math.inf) -> RunLearning:
         {"coulomb_friction_n": 2.0},
         np.array([4.0]),
         np.array([0.5]),
+        8.0,
         COUNTS,
     )
 
@@ -93,6 +94,22 @@ def test_a_drag_after_a_rest_changes_no_weight() -> None:
     before = dict(learned.values)
     rest(learned)
     run(learned, 6 * STROKE, 120.0, drag_n=25.0)
+    assert not learned.waits
+    assert learned.values == before
+
+
+def test_a_fault_that_begins_while_another_weight_is_learned_is_no_weight() -> None:
+    learned = learning()
+    run(learned, 6 * STROKE, 120.0)
+    before = dict(learned.values)
+    rest(learned)
+    run(learned, 50, 140.0)
+    assert learned.waits
+    # A reading that errs from here on, now to one side and now to the other.
+    for scan in range(50, 4 * STROKE):
+        way = 1.0 if (scan // STROKE) % 2 == 0 else -1.0
+        error = 30.0 if (scan // 40) % 2 == 0 else -30.0
+        learned.step(True, np.array([error]), np.array([[1.0, way]]), frozen=False)
     assert not learned.waits
     assert learned.values == before
 
