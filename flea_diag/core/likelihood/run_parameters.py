@@ -27,6 +27,7 @@ counts that leaves more of the relations than healthy recordings do.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, auto
@@ -308,7 +309,8 @@ class _Sums:
         self._information, self._vector = np.zeros((width, width)), np.zeros(width)
         self._squares, self._least = np.zeros((width, width)), least
         # The same in least sigmas: products with the values, and the squares of these.
-        self._products, self._sum = np.zeros(width), 0.0
+        self._products: Array = np.zeros(width)
+        self._sum = 0.0
         self.scans = 0
 
     def add(self, values: Array, slopes: Array, known: Flags, variance: Array) -> None:
@@ -320,7 +322,8 @@ class _Sums:
         self._vector = self._vector - weighed.T @ values[known]
         scaled, apart = used / self._least[known, None], values[known] / self._least[known]
         self._squares = self._squares + scaled.T @ scaled
-        self._products, self._sum = self._products + scaled.T @ apart, self._sum + apart @ apart
+        self._products = self._products + scaled.T @ apart
+        self._sum += float(apart @ apart)
         self.scans += 1
 
     def solved(self, prior: Array, already: Array | None = None) -> tuple[Array, Array]:
@@ -332,8 +335,8 @@ class _Sums:
 
     def left(self, change: Array) -> float:
         """Root mean square over the scans of what these parameters leave, in least sigmas."""
-        moved = 2.0 * self._products + self._squares @ change
-        return float(np.sqrt(max(self._sum + change @ moved, 0.0) / self.scans))
+        moved = float(change @ (2.0 * self._products + self._squares @ change))
+        return math.sqrt(max(self._sum + moved, 0.0) / self.scans)
 
     def error(self, covariance: Array) -> float:
         """Root mean square over the scans of what the first parameters leave, in least sigmas."""
