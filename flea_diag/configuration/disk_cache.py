@@ -45,7 +45,7 @@ NUMERIC = ("OPENBLAS_CORETYPE", "GLIBC_TUNABLES", "NPY_DISABLE_CPU_FEATURES")
 """Variables that choose other instructions, and with them other last digits."""
 LARGEST_BYTES = 8 << 20
 MOST_ENTRIES = 64
-"""Entries that are kept; the oldest are deleted."""
+"""Entries that are kept; those that have waited longest for a use are deleted."""
 ENTRY = re.compile(r"[a-z_]+-[0-9a-f]{32}\.json")
 DIGEST = 64
 """Characters of a SHA-256, which every entry begins with."""
@@ -61,7 +61,9 @@ def kept(kind: str, inputs: tuple[str, ...], make: Callable[[], Any]) -> Any:
     if place is None:
         return make()
     with suppress(ValueError, FleaError):
-        return _read(place)
+        found = _read(place)
+        _use(place)
+        return found
     content = make()
     _write(place, content)
     return content
@@ -108,6 +110,12 @@ def _read(place: Path) -> Any:
     if data[:DIGEST] != _checksum(place, data[DIGEST:]):
         raise ValueError("damaged, or the entry of something else")
     return _parsed(data[DIGEST:].decode())
+
+
+def _use(place: Path) -> None:
+    """An entry that is in use is none of the oldest; where nothing can be written, it may be."""
+    with suppress(OSError):
+        os.utime(place)
 
 
 def _parsed(text: str) -> Any:

@@ -104,6 +104,17 @@ def test_entries_depend_on_the_sources(tmp_path: Path, monkeypatch: pytest.Monke
     disk_cache._surroundings.cache_clear()
 
 
+def test_an_entry_in_use_stays_whatever_is_made_after_it(folder: Path) -> None:
+    made("used")
+    (entry,) = folder.iterdir()
+    os.utime(entry, (0, 0))
+    for number in range(disk_cache.MOST_ENTRIES - 1):
+        made(str(number))
+    assert not made("used")
+    made("one more")
+    assert not made("used")
+
+
 def test_only_the_newest_entries_stay_and_what_is_not_ours(folder: Path) -> None:
     folder.mkdir()
     (folder / "thesis.json").write_text("{}")
