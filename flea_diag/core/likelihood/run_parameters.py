@@ -223,6 +223,11 @@ class RunLearning:
         """Whether relations that hold a free parameter are not to be judged."""
         return self.stage is RunStage.LEARNED
 
+    @property
+    def has_own(self) -> bool:
+        """Whether values of this run are in use, not the calibrated ones."""
+        return bool(self.covariance.any())
+
     def errors(self, slopes: Array) -> Array:
         """Sigma of each relation by what is not known of the values in use, shape (n, relations).
 
@@ -271,7 +276,7 @@ class RunLearning:
         error = self._sums.error(covariance)
         if error > self._aim:
             return False
-        if self.covariance.any() and self._sums.left(every) > self.most:
+        if self.has_own and self._sums.left(every) > self.most:
             self.stage, self.restarts = RunStage.KNOWN, False
             return True
         same, self._aim = self.waits and self._is_same(change, covariance), error / 2.0
@@ -291,7 +296,7 @@ class RunLearning:
 
     def _is_same(self, change: Array, covariance: Array) -> bool:
         """Whether what has shown after a rest is no other value: a drag, say."""
-        if not self.covariance.any():
+        if not self.has_own:
             return False
         apart = self.covariance + covariance
         return bool(change @ np.linalg.solve(apart, change) <= self._most)

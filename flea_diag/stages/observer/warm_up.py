@@ -141,7 +141,7 @@ class RunWatch:
                 return scan
             if learning.waits:
                 residuals.values[scan, self.void] = np.nan
-        if learning.covariance.any():
+        if learning.has_own:
             residuals.doubt = self._doubt(slopes)
         return len(stamps_ns)
 
