@@ -78,7 +78,8 @@ class MeanShiftTest:
         self._need_voltage = set(known.needing(known.voltage))
         self._compiled = backends.chosen(backend) == "numba"
         self._tolerance = np.array(tolerance)
-        self._open = False
+        self._open = self._is_other = False
+        """Whether an episode is open, and may be of another unit: no shift has opened it."""
         self._fired: list[int] = []
         self._openers: list[int] = []
         """Columns whose shift has just exceeded its limit, and those that opened the episode."""
@@ -126,17 +127,16 @@ class MeanShiftTest:
         """Set the change of the unit's parameters; levels are corrected for it."""
         self._change[:] = change
 
-    def turn(self, opened: bool) -> None:
-        """An episode has opened: freeze the level before it. Or closed: start a new level."""
+    def turn(self, opened: bool, same_unit: bool = False) -> None:
+        """An episode has opened: freeze the level before it. Or closed: start a new level.
+
+        ``same_unit``: with what opened it no other unit may have come.
+        """
         self._open, self._openers = opened, self._fired if opened else []
+        self._is_other = opened and not (self._openers or same_unit)
         self._level.freeze() if opened else self._level.clear()
         if self._coefficients:
             self._coefficients.turn(opened)
-
-    @property
-    def _says_nothing(self) -> bool:
-        """Whether an episode is open that no shift has opened."""
-        return self._open and not self._openers
 
     def input(
         self, count: int, leverage: Array | None = None, loads: Array | None = None
@@ -145,7 +145,7 @@ class MeanShiftTest:
         if not self._compiled:
             return None
         place, found = self._place(leverage, loads), np.empty((2, count, *self._k.shape))
-        return not self._says_nothing, place, self._state.flat, self._level.room(count), found
+        return not self._is_other, place, self._state.flat, self._level.room(count), found
 
     def _place(self, leverage: Array | None, loads: Array | None) -> tuple[Array, Array]:
         """Loads, shape (n or 1, loads), and leverages, shape (n or 1, residuals)."""
@@ -165,16 +165,17 @@ class MeanShiftTest:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
         In an episode that no shift has opened it says nothing: the fault may have come with
-        another unit, whose level is another. Nor does the circuit's where a shift of the forces
-        alone opened it: that drag, too, may be another unit's, with its winding. A voltage that
-        stands ``alone``, shape (n,), None: nowhere, needs a witness to open one, and says nothing
-        in one that anything else has opened. ``leverage``, shape (n, residuals), is that beyond the
-        reach, and ``loads`` has shape (n, loads), NaN where one is not read; None: nowhere.
+        another unit, whose level is another. With an error of a reading none comes. Nor does the
+        circuit's say anything where a shift of the forces alone opened it: that drag, too, may be
+        another unit's, with its winding. A voltage that stands ``alone``, shape (n,), None:
+        nowhere, needs a witness to open one, and says nothing in one that anything else has opened.
+        ``leverage``, shape (n, residuals), is that beyond the reach, and ``loads`` has shape
+        (n, loads), NaN where one is not read; None: nowhere.
         ``supplied`` is ``Heating`` of each predicted store; None: not known. ``judged`` is what
         ``Detector`` was given to judge means by, if it was.
         """
         self._fired = []
-        if self._says_nothing:
+        if self._is_other:
             return
         if judged is not None:
             (z, shifts), beyond = judged[-1], results.shifted
@@ -189,7 +190,8 @@ class MeanShiftTest:
 
     def _silent(self, column: int) -> bool:
         """Whether a residual of the circuit says nothing in this episode."""
-        return self._open and column in self._circuit and self._circuit.isdisjoint(self._openers)
+        of_forces = bool(self._openers) and self._circuit.isdisjoint(self._openers)
+        return of_forces and column in self._circuit
 
     def _judge_means(
         self, results: TestResults, alone: Flags | None, z: Array, shifts: Array

@@ -144,12 +144,16 @@ class FaultPairs:
         }
         nats, alone = self._alone(sums, near, models, weighing, clues.rivals)
         left = {pair: self._beyond_noise(sums, pair, row[0]) for pair, row in near.items()}
+        shown = dict(
+            zip(sums.residuals, (0.5 * weighing.weight * sums.square).tolist(), strict=True)
+        )
         held = [
             FaultPair(pair, _members(row), nats[pair])
             for pair, row in near.items()
             if self._fits(sums, pair, row)
             and all(
-                nats[pair] - alone[name].nats >= clues.price(alone[name], row[1:], left[pair])
+                nats[pair] - alone[name].nats
+                >= clues.price(alone[name], row[1:], left[pair], shown)
                 # Of a first fault that is known nothing need be shown again.
                 for name in (pair[:1] if clues.firsts else (*pair, *clues.rivals))
             )

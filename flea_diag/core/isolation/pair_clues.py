@@ -91,9 +91,17 @@ class Clues:
             return -math.inf
         return SEEN_NATS if left else math.inf
 
-    def price(self, alone: Alone, both: Iterable[FaultModel], beside: frozenset[str]) -> float:
+    def price(
+        self,
+        alone: Alone,
+        both: Iterable[FaultModel],
+        beside: frozenset[str],
+        shown: Mapping[str, float],
+    ) -> float:
         """Nats that a pair of ``both`` must add to this fault; ``beside``: see ``Alone.fits``.
 
+        ``shown`` are the nats that there are in each relation: what the model of a fault may be
+        off by is a share of what it explains where the other one acts, and of nothing else.
         A temperature leaves its prediction by what no model says, whatever it is that alters a
         motion: no second fault is needed there while it is within the limits.
         What a first fault left is known from before: since the second has begun, an unlikely unit
@@ -103,10 +111,11 @@ class Clues:
         if self.firsts or not alone.fits(beside):
             return min(asked, SECOND_NATS)
         unsure = self.slow - alone.moved
-        others = (model for model in both if model.fault != alone.name)
+        others = [model for model in both if model.fault != alone.name]
         if any(moved_by([model]) <= unsure for model in others):
             return asked
-        return min(asked, BEHIND_NATS + KNOWN**2 * max(alone.nats, 0.0))
+        there = min(alone.nats, sum(shown[name] for name in moved_by(others)))
+        return min(asked, BEHIND_NATS + KNOWN**2 * max(there, 0.0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,10 +104,12 @@ class WiringSearch(Frozen):
         told = {f"{channel}_dead" for fault in faults for channel in fault.channels}
         every = self._check.left_by_faults(rows)
         rival = min((left for name, left in every.items() if name not in told), default=np.inf)
-        if rival < least - BESIDE:
+        is_sure = rival > least + BESIDE
+        # Where all is within its limits and a fault would explain it as well, there is neither.
+        if rival < least - BESIDE or not (is_sure or found.worst > 1.0):
             return None
         residual = self._known.rows[found.place].name
-        return WiringFinding(faults, residual, found.worst, best.worst, rival > least + BESIDE)
+        return WiringFinding(faults, residual, found.worst, best.worst, is_sure)
 
     def _explaining(self, rows: Array, found: Holding, better: float) -> Iterator[Scored]:
         """Wirings without which all relations hold, by so much less in squares."""

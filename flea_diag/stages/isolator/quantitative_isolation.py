@@ -139,7 +139,15 @@ class QuantitativeIsolation:
         if not (models and (episode.symbols or vibration_only) and episode.evidence.scans):
             return ()
         sums = episode.evidence.equations.now
+        if not self._holds_what_deviates(episode, sums):
+            return ()
         return fitted(sums, models, self.weighing(episode, sums))
+
+    def _holds_what_deviates(self, episode: FaultEpisode, sums: EvidenceSums) -> bool:
+        """Whether some relation that deviates is in the evidence: others say nothing of it."""
+        relation = episode.residuals.relation
+        seen = {relation(name) for name, _, _ in episode.symbols} & set(self.names)
+        return not seen or any(sums.samples[self.names.index(name)] > 0.0 for name in seen)
 
     def weighing(
         self, episode: FaultEpisode, sums: EvidenceSums, is_same_unit: bool = True

@@ -46,6 +46,9 @@ class ResidualTests:
         self._known = known
         self._sensors, self._circuit = known.sensor_columns, known.column(known.circuit)
         self._innovations = known.columns(known.innovations)
+        of_sensors = known.columns((*known.twins, *known.own))
+        self._of_sensors = {*range(len(known.rows))[self._sensors], *of_sensors}
+        """Columns that faults of sensors alone move."""
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
@@ -59,6 +62,7 @@ class ResidualTests:
         )  # fmt: skip
         self._disabled: list[int] = []
         self._directed = frozenset(known.of_relations((known.friction,)))
+        self._results = TestResults(len(known.rows))
         self._one_way = OneWay(c.parameters.moving_m_s)
 
     def step(
@@ -91,6 +95,7 @@ class ResidualTests:
             results.z[alone, self._circuit] = np.nan
         given = near, results, alone, leverage, place.loads, place.supplied
         self._mean_shift.step(*given, shift)
+        self._results = results
         return results
 
     def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:
@@ -118,7 +123,8 @@ class ResidualTests:
         if not opened:
             self._disabled = []
         self._z_tests.forget(self._innovations if opened else range(len(self._known.rows)))
-        self._mean_shift.turn(opened)
+        deviating = self._results.deviating()[-1].nonzero()[0].tolist() if opened else ()
+        self._mean_shift.turn(opened, bool(deviating) and self._of_sensors.issuperset(deviating))
 
     def adopt(self, offsets: Offsets) -> None:
         """The unit's offsets are known: move the windows along and narrow what units differ by."""

@@ -201,6 +201,15 @@ def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
     assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
 
 
+def test_in_an_episode_of_a_reading_that_errs_a_shift_goes_on_to_speak():
+    """No other unit comes with a dead thermocouple."""
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
+    step(test, rows(np.zeros(1000)), alone=False)
+    test.turn(opened=True, same_unit=True)
+    found = step(test, rows(np.full(300, 2.0)), alone=False)
+    assert found.deviating()[-1, ELECTRICAL]
+
+
 def alternating(count: int, share: float, mean: float = 0.0) -> ResidualRows:
     """Forces in proportion to a current that changes its sign twice a second."""
     made = rows(np.zeros(count))

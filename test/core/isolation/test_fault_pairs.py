@@ -175,6 +175,16 @@ def test_a_second_fault_within_the_limits_of_a_mean_must_explain_more(
     assert may is (level > 0.3)
 
 
+def test_what_a_model_is_off_by_is_a_share_of_what_it_explains_where_the_other_acts() -> None:
+    """In the force there are 22 million nats, in the voltage 122."""
+    known = evidence(
+        (FORCE, lambda wave: -300.0 + 0.0 * wave), (VOLTS, lambda wave: 0.7 + 0.0 * wave)
+    )
+    models = {**MODELS, LOAD: [model(LOAD, Term(FORCE, "one", -1.0), high=1000.0)]}
+    said = clues({FORCE: (LOAD,)}, rivals=(LOAD,))
+    assert {BIAS, LOAD} in [set(pair.faults) for pair in pairs(known, said, models)]
+
+
 def test_no_pair_holds_beside_one_that_is_left_and_explains_as_much() -> None:
     known = evidence((VOLTS, lambda wave: 3.0 + 4.0 * wave))
     said = {VOLTS: (BIAS, SCALED, DEAD)}

@@ -134,6 +134,15 @@ def test_what_a_model_may_be_off_by_hides_no_second_fault() -> None:
 
 
 @pytest.mark.slow
+def test_a_dead_thermocouple_hides_no_weaker_magnet() -> None:
+    """Which the calibration alone would not show, but the level of this run before it does."""
+    first = FaultSetting("motor_temperature_dead", 12.0, 0.0)
+    second = FaultSetting("magnet_loss", 20.0, 0.11)
+    last = diagnosed("ema", 29111, "nominal_loaded", first, second)
+    assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
 def test_what_needs_a_reading_that_is_withheld_is_not_observable() -> None:
     last = on_the_wing(FaultSetting("actuator_position_dead", 12.0, 0.0))
     assert stands.members(last) == {"actuator_position_dead"}

@@ -134,3 +134,22 @@ def test_a_wrong_wiring_is_named_and_hardly_ever_called_a_component(machine: str
     )
     assert results["named"] + results["pair"] >= LEAST_RIGHT * results.total(), results
     assert results["component"] <= MOST_WRONG * results.total(), results
+
+
+def test_a_healthy_unit_within_every_limit_is_not_wired_wrong() -> None:
+    """One whose voltage is off by little less than the limit, as if it were the command."""
+    scenario = {
+        "duration_s": 14.0,
+        "machine": "wing",
+        "seed": 1660738841,
+        "unit_seed": 345,
+        "ambient_degc": 21.1,
+        "warm_degc": 1.4,
+        "motion": {"kind": "trapezoid", "amplitude_m": 0.0216, "frequency_hz": 0.101,
+                   "centre_m": 0.0452, "rise_s": 2.8},
+        "load": {"constant_n": -1496.9},
+        "sensors": {"vibration": False},
+    }  # fmt: skip
+    run = SimulatedStand(scenario_from_mapping(scenario, "a healthy unit"))
+    records = [record for record in run if isinstance(record, (ChannelTable, Scan))]
+    assert said_of(records, "wing")[-1].outcome is Outcome.NOMINAL
