@@ -15,10 +15,11 @@
 """Smallest sizes of faults that a motion shows: the information bound of its recordings.
 
 The signals of healthy running are given. A fault of some size adds its effect to the residuals,
-without noise, and the likelihood test of the isolator is applied to that expectation: from which
-size on does it explain the residuals better than no fault, and from which size on are all others
-behind it that ever will be? No test of these residuals does better on average; limits of tests,
-which also allow for what differs between recordings, lie above it.
+without noise, and the likelihood test of the isolator is applied to that expectation. Two sizes
+are asked for: from which one on the fault explains the residuals better than no fault does, and
+from which one on it stays ahead of every fault that can be told from it at all. No test of these
+residuals does better on average; limits of tests, which also allow for what differs between
+recordings, lie above it.
 """
 
 from __future__ import annotations
