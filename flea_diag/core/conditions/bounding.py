@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 
 Flags = npt.NDArray[np.bool_]
 Signs = npt.NDArray[np.float64]

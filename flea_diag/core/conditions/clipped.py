@@ -33,7 +33,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.conditions.bounding import Bounding
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

@@ -23,9 +23,9 @@ import numpy.typing as npt
 
 from flea_diag.core.conditions.arrival import LOOKS_BACK_S, arrived, still
 from flea_diag.core.conditions.contact import Contact, Signs, following, missing_force
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.scan_counts import ScanCounts

@@ -42,6 +42,7 @@ from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.envelope_loops import glance_of
 from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.flat_state import FlatState
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.leverage import (
     ABSTAIN,
     PLACE,
@@ -52,7 +53,6 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.parameters import as_record
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.thermal import CORRECTION_S, Heating
 
 Array = npt.NDArray[np.float64]

@@ -47,7 +47,8 @@ from flea_diag.core.detection.mean_shift import (
     SHIFT_WINDOWS_S,
     MeanShiftLimit,
 )
-from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
 

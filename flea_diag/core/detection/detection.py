@@ -39,7 +39,8 @@ from flea_diag.core.detection.symbols import MIXED, Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
 from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.scan_counts import ScanCounts
 

@@ -40,7 +40,8 @@ from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS, ShiftInput
 from flea_diag.core.flat_state import FlatState
-from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
 

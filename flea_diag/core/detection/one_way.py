@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.backend import FEW
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residual_values import ResidualRows
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]

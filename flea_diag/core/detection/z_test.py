@@ -24,7 +24,8 @@ import numpy.typing as npt
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.detection.z_test_loops import Group
 from flea_diag.core.flat_state import FlatState
-from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
 from flea_diag.core.running_mean import WindowedMeans, summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
 

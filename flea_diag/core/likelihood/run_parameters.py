@@ -39,8 +39,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import WINDOWS_S, ResidualRows
+from flea_diag.core.residuals.residual_rows import WINDOWS_S
 from flea_diag.core.residuals.unit_difference import LEAST
 from flea_diag.core.residuals.unit_offsets import DRAG, NUISANCE, REACH
 from flea_diag.core.scan_counts import ScanCounts

@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.machine_modes import HELD, OUT, MachineModes
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.bank_loops import bank_of, layout, winding_of
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
@@ -38,7 +39,7 @@ from flea_diag.core.residuals.parameters import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import STALL, Value, direction
-from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows
+from flea_diag.core.residuals.residual_rows import SPEED
 from flea_diag.core.residuals.settling import Settling
 from flea_diag.core.residuals.thermal import PredictedStores
 from flea_diag.core.scan_counts import ScanCounts

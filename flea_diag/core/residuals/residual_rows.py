@@ -12,11 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The residuals of one stand, a row each, and the table of their values.
+"""The residuals of one stand, a row each: their order, and what all else looks up about one.
 
-What a stand has follows from its description (``residual_set``). ``residual_bank`` computes parity
-relations and predictions, ``sensor_tests`` the rows of single sensors, ``state_observer`` the
-innovations; this is their common order, and what all else looks up about a residual.
+What a stand has follows from its description (``residual_set``); their values are the columns of
+``residual_values``.
 """
 
 from __future__ import annotations
@@ -347,50 +346,3 @@ class ResidualSet(Frozen):
     def columns(self, names: Iterable[str]) -> list[int]:
         """Columns of these residuals."""
         return [self.place[name] for name in names]
-
-
-@dataclass(slots=True)
-class ResidualRows:
-    """All residuals of n scans; NaN where one cannot be computed.
-
-    Not frozen: cross-checks of channels drop unusable values.
-
-    ``values`` has shape (n, residuals), order of ``ResidualSet.rows``, and ``spread`` (n,
-    ``ResidualSet.spreading``, unit parameters): d r / d theta of healthy units. ``signals``, shape
-    (n, signals), are those of the relations, in their order, smoothed, NaN where a channel is
-    absent or bad. ``motion``, shape (n, 2), is the speed at the nut, m/s, and the smooth sign of
-    the motion, or of the push where the actuator is stalled. ``moving``, (n,), includes a
-    standstill under a force that moves any healthy unit. ``modes``, shape (n, modes), are the
-    states of ``ResidualSet.modes``. ``noise``, shape (n, residuals), is how much noisier each value
-    is for readings that are missing; None: they are all there. ``doubt``, of the same shape, is the
-    variance by what is not known of this run, in times what was calibrated; None: as calibrated.
-    """
-
-    values: Array
-    spread: Array
-    signals: Array
-    motion: Array
-    moving: Flags
-    modes: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
-    noise: Array | None = None
-    doubt: Array | None = None
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    @property
-    def speed_m_s(self) -> Array:
-        """Speed at the nut, shape (n,)."""
-        return self.motion[:, 0]
-
-    def leave_out(self, scans: Flags, columns: list[int]) -> None:
-        """Drop these residuals in these scans."""
-        for column in columns:
-            self.values[scans, column] = np.nan
-
-    def begin_anew(self, scans: Flags, columns: list[int]) -> None:
-        """End the means of residuals in these scans, shape (n, columns): no variance is known."""
-        if scans.any():
-            doubt = np.ones_like(self.values) if self.doubt is None else self.doubt
-            doubt[:, columns] = np.where(scans, np.nan, doubt[:, columns])
-            self.doubt = doubt

@@ -28,7 +28,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]

@@ -36,9 +36,9 @@ from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.unit_difference import LEAST
 
 Array = npt.NDArray[np.float64]

@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual_rows import SPEED, ResidualRow, ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import SPEED, ResidualRow, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.wire.records import SECOND_NS, Cause, JudgedTest
 

@@ -35,9 +35,9 @@ from flea_diag.core.conditions.contact import LONGEST_S, Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,

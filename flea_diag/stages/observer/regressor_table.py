@@ -25,9 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.run_law.run_windows import PLACE, answering, own_name, place_of
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 

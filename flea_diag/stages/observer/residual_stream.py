@@ -32,9 +32,9 @@ from flea_diag.core.conditions.envelope_watch import ANYWHERE, EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.run_parameters import free_terms
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.sensors.reading_jump import ReadingJumps
 from flea_diag.stages.judgement.ledger import JudgementLedger
 from flea_diag.stages.judgement.tested import tested_names

@@ -24,9 +24,9 @@ from flea_diag.core.conditions.envelope_watch import OperatingPlace
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.detection.one_way import OneWay
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.stages.observer.warm_up import Offsets
 
 Array = npt.NDArray[np.float64]

@@ -19,7 +19,8 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.conditions.lingering import Lingering
-from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import SPEED, ResidualSet
 from flea_diag.core.sensors.position_step import SPAN
 
 

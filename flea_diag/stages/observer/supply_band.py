@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows
 
 
 class SupplyBands:

@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.plausibility import VoltagePlausibility
 

@@ -29,9 +29,10 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.likelihood.run_parameters import FreeTerms, RunLearning, RunValue
 from flea_diag.core.likelihood.unit_start import SURE, StartLearning, UnitStart, unit_start
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.wire.records import FREE_PER_RUN, NEVER_NS, ChannelQuality, Quality
 
 Array = npt.NDArray[np.float64]

@@ -44,8 +44,9 @@ from flea_diag.stages.observer.regressor_table import RegressorTable
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.likelihood.effect_set import EffectSet
+    from flea_diag.core.residual_values import ResidualRows
     from flea_diag.core.residuals.parameters import ActuatorParameters
-    from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+    from flea_diag.core.residuals.residual_rows import ResidualSet
 
 
 Array = npt.NDArray[np.float64]

@@ -30,7 +30,8 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import Detector
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residual_values import ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.run_law.fault_columns import FaultColumns
 from flea_diag.core.run_law.run_law import VisibleSize
 from flea_diag.core.run_law.run_windows import with_neglected

@@ -23,7 +23,7 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.conditions.bounding import Bounding
 from flea_diag.core.conditions.clipped import ClippedReadings
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residual_values import ResidualRows
 
 RELATIONS = compiled_relations("actuator.yaml")
 KNOWN = RELATIONS.residuals

@@ -26,7 +26,7 @@ from support.observed import FLEA_COUNTS
 
 from flea_diag.core.conditions.contact import Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residual_values import ResidualRows
 
 LEAD_M = 5e-4
 PUSH_N = 1000.0

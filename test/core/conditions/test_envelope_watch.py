@@ -32,13 +32,13 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.leverage import (
     CalibrationEnvelope,
     LeverageBasis,
     TravelFactors,
 )
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 

@@ -26,8 +26,8 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.symbols import MIXED
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import ResidualRows
 
 FLEA = compiled_relations("actuator.yaml").residuals
 

@@ -27,8 +27,9 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection import detection
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows
+from flea_diag.core.residuals.residual_rows import ReadingTerm
 from flea_diag.core.residuals.thermal import CORRECTION_S
 
 FLEA = compiled_relations("actuator.yaml").residuals

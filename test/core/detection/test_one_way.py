@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from flea_diag.core.detection.one_way import OneWay
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residual_values import ResidualRows
 
 SPEEDS = (0.0, 5.0, 5.0, 0.0, 5.0, -5.0, -5.0, 0.1, 0.1, -5.0, 5.0)
 MOVING = (0, 1, 1, 0, 1, 1, 1, 1, 1, 1, 1)

@@ -23,8 +23,8 @@ import pytest
 from support.models.stepper import DESCRIPTION
 
 from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.relation_compiler import relation_set
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.residual_set import residual_set
 from flea_diag.core.residuals.settling import Settling, scans_of, scans_since_change, ways
 from flea_diag.errors import ConfigurationError

@@ -25,7 +25,7 @@ from support import stands
 from support.models import linear_ema as ema
 from support.observer_scans import after, healthy
 
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.stages.judgement.ledger import JudgementLedger
 from flea_diag.wire.records import (

@@ -20,8 +20,9 @@ import numpy as np
 import pytest
 
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows
+from flea_diag.core.residuals.residual_rows import SPEED
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 
 FLEA = compiled_relations("actuator.yaml").residuals

@@ -24,8 +24,8 @@ from support.observer_scans import after, decisions, healthy, quality
 
 from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
