@@ -81,8 +81,9 @@ class Clues:
         return [(a, b) for a, b in pairs if a in self.firsts] + turned
 
     def cover(self, one: str, other: str) -> bool:
-        """Whether two faults predict all that was seen."""
-        return self.predicted[one] | self.predicted[other] >= self.seen
+        """Whether two faults are possible still, and predict all that was seen."""
+        known = self.predicted
+        return {one, other} <= known.keys() and known[one] | known[other] >= self.seen
 
     def least(self, without: str) -> float:
         """Nats that the other must add to this one, for what this one does not predict."""

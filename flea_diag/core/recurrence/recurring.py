@@ -162,14 +162,14 @@ def _weighed(
         parts = in_parts(part, loud, of_a_part(prior))
     form = in_one_form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
     quiet = ~_marked(runs, len(loud))
-    # What stays and is no part of the bursts may be there beside what comes and goes as well.
-    beside = max(_stays(part, quiet, prior), 0.0)
+    everything = _stays(part, quiet | loud, prior)
     kept = []
     for k, own in shows:
-        there = loud.copy()
-        there[loud] = form.fits[:, k]
-        stays = max(_stays(part, quiet | there, prior) - beside, 0.0)
-        if form.told[k] > stays + APART_NATS:
+        rest = loud.copy()
+        rest[loud] = ~form.fits[:, k]
+        # What stays and is no part of the bursts may be there beside what comes and goes as well.
+        beside = max(_stays(part, quiet | rest, prior), 0.0)
+        if form.told[k] > max(everything - beside, 0.0) + APART_NATS:
             nats = float(form.nats[k])
             kept.append(RecurringFault(k, nats, size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)

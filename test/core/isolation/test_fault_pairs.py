@@ -236,6 +236,16 @@ def test_what_the_onset_rules_out_is_in_no_pair() -> None:
     assert all(LOAD not in pair for pair in found(BOTH, said))
 
 
+def test_a_pair_that_was_held_is_dropped_with_one_of_its_members() -> None:
+    """The other pairs go on, though single sensors have ruled a member of one out meanwhile."""
+    said, sums = clues(SEEN), BOTH.now
+    left = {name: seen for name, seen in said.predicted.items() if name != DEAD}
+    known = [(BIAS, LOAD), (DEAD, LOAD)]
+    given = weighing(sums), replace(said, predicted=left), 3.5, known
+    held = search_of().search(sums, MODELS, MODELS, *given)
+    assert [set(pair.faults) for pair in held] == [{BIAS, LOAD}]
+
+
 def test_the_first_fault_stays_the_first() -> None:
     assert {pair[0] for pair in found(BOTH, clues(SEEN, firsts=(LOAD,)))} == {LOAD}
 

@@ -126,3 +126,23 @@ def test_a_healthy_machine_that_pushes_against_its_stop_has_nothing_that_comes_a
     scans = [record for record in sent if isinstance(record, Scan)]
     places = [scan.values[scan.channels.index("actuator_position")] for scan in scans]
     assert sum(place <= 0.0 for place in places) > 200
+
+
+@pytest.mark.slow
+def test_a_bridge_that_differs_is_no_supply_that_comes_and_goes() -> None:
+    """Its voltage is off wherever the motor drives, which a unit explains in more windows."""
+    scenario = {
+        "duration_s": 40.0,
+        "seed": 1977036903,
+        "unit_seed": 372,
+        "ambient_degc": 21.1,
+        "warm_degc": 9.7,
+        "motion": {"kind": "trapezoid", "amplitude_m": 0.0146, "frequency_hz": 0.082,
+                   "centre_m": 0.0422, "rise_s": 1.2},
+        "load": {"constant_n": 89.0},
+        "sensors": {"vibration": False},
+    }  # fmt: skip
+    run = SimulatedStand(scenario_from_mapping(scenario, "a healthy unit"))
+    pipeline = make_pipeline(load_stand())
+    said = stands.said_in_blocks(pipeline, [r for r in run if not isinstance(r, Truth)])
+    assert verdict((*said, *pipeline.finish())).outcome is Outcome.NOMINAL
