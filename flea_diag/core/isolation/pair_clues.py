@@ -115,7 +115,7 @@ class Clues:
         others = [model for model in both if model.fault != alone.name]
         if any(moved_by([model]) <= unsure for model in others):
             return asked
-        there = min(alone.nats, sum(shown[name] for name in moved_by(others)))
+        there = min(alone.nats, sum(shown.get(name, 0.0) for name in moved_by(others)))
         return min(asked, BEHIND_NATS + KNOWN**2 * max(there, 0.0))
 
 

@@ -180,7 +180,12 @@ def test_what_a_model_is_off_by_is_a_share_of_what_it_explains_where_the_other_a
     known = evidence(
         (FORCE, lambda wave: -300.0 + 0.0 * wave), (VOLTS, lambda wave: 0.7 + 0.0 * wave)
     )
-    models = {**MODELS, LOAD: [model(LOAD, Term(FORCE, "one", -1.0), high=1000.0)]}
+    unread = Term("a_relation_that_is_not_weighed", "one", 1.0)
+    models = {
+        **MODELS,
+        LOAD: [model(LOAD, Term(FORCE, "one", -1.0), high=1000.0)],
+        BIAS: [model(BIAS, Term(VOLTS, "one", 1.0), unread)],
+    }
     said = clues({FORCE: (LOAD,)}, rivals=(LOAD,))
     assert {BIAS, LOAD} in [set(pair.faults) for pair in pairs(known, said, models)]
 
