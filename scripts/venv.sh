@@ -50,6 +50,11 @@ followed() {
     wait $installer
 }
 
+get_uv() {
+    "$python" -m uv --version ||
+        "$python" -m pip install --retries 1 --constraint "$constraints" uv
+}
+
 # uv takes a tenth of pip's time. Where there is none, or it cannot install from the index that pip
 # is told to use, pip installs the same. Nothing is compiled ahead: most is never imported.
 pip_install() {
@@ -57,8 +62,9 @@ pip_install() {
     index=${PIP_INDEX_URL:-$("$python" -m pip config get global.index-url 2>/dev/null)}
     [ -z "$index" ] || export UV_DEFAULT_INDEX="${UV_DEFAULT_INDEX:-$index}"
     set -- --no-build-isolation --constraint "$constraints" "$@"
-    { "$python" -m uv --version || "$python" -m pip install --constraint "$constraints" uv; } >/dev/null 2>&1 &&
-        followed "$python" -m uv pip install --python "$python" --reinstall-package flea_diag "$@" && return
+    get_uv >/dev/null 2>&1 &&
+        followed "$python" -m uv pip install --python "$python" --reinstall-package flea_diag "$@" &&
+        return
     followed "$python" -m pip install --progress-bar off --no-compile "$@" || {
         grep -iE '(^|  )error|Errno' "$venv/install.log" | tail -n 5 >&2
         fail "pip failed (is the package index reachable, the disk full?): see $venv/install.log"
