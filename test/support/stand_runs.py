@@ -21,10 +21,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import Record, Scan, VibrationBlock
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.wire.records import AmbiguityGroup, Record, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
+from support import stands
 
 Array = npt.NDArray[np.float64]
 SINE = {"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045}
@@ -41,6 +44,13 @@ def scenario(**values: Any) -> Scenario:
 def records(**values: Any) -> list[Record]:
     """Everything that a stand delivers."""
     return list(SimulatedStand(scenario(**values)))
+
+
+def last_verdict(stand: str = "", **values: Any) -> AmbiguityGroup:
+    """What is said in the end of a run of these values, on a stand of this name."""
+    pipeline = make_pipeline(load_stand(stand))
+    sent = [record for record in records(**values) if not isinstance(record, Truth)]
+    return stands.verdict((*stands.said_in_blocks(pipeline, sent), *pipeline.finish()))
 
 
 def scans(run: list[Record]) -> dict[str, Array]:

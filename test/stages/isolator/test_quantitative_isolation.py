@@ -18,15 +18,10 @@ from __future__ import annotations
 
 import pytest
 from support import stands
+from support.stand_runs import last_verdict
 
-from flea_diag.configuration.component import make_pipeline
-from flea_diag.configuration.stand import load_stand
 from flea_diag.core.likelihood.sensor_models import expected
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
-from flea_diag.tools.evaluate.case_run import diagnose
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
-from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import SimulatedStand
 
 RUN_AWAY = {
     "duration_s": 28.0,
@@ -37,7 +32,6 @@ RUN_AWAY = {
     "warm_degc": 6.9,
     "motion": {"amplitude_m": 0.0194, "frequency_hz": 0.213, "centre_m": 0.0439},
     "load": {"constant_n": 2420.2},
-    "sensors": {"vibration": False},
     "faults": [{"fault": "winding_open", "onset_s": 19.38}],
 }
 """A load that turns an open motor, faster than was calibrated, until a stop holds it."""
@@ -56,8 +50,5 @@ def test_a_prediction_is_evidence_without_the_reading_of_its_surroundings() -> N
 @pytest.mark.slow
 def test_nothing_is_dropped_until_a_relation_that_deviates_is_weighed() -> None:
     """The circuit deviates at once, and cannot be weighed before the stop."""
-    run = SimulatedStand(scenario_from_mapping(RUN_AWAY, "a motor that runs away"))
-    recorded = [record for record in run if isinstance(record, (ChannelTable, Scan))]
-    kept = diagnose(iter(recorded), make_pipeline(load_stand("wing"))).kept
-    last = [record for record in kept if isinstance(record, AmbiguityGroup)][-1]
+    last = last_verdict("wing", **RUN_AWAY)
     assert stands.members(last) == {"winding_open", "motor_failure"}
