@@ -106,7 +106,7 @@ class UnitChain(ObserverChain):
                 sudden = bool(output.results.deviating()[0, self._alone].any())
                 self._question = self._asked(sudden)
                 if sudden:  # levels before it may be those of another unit
-                    self.stream.turn(opened=True)
+                    self.stream.turn(opened=True, by=output.results)
         elif self._question is not None and self._beside(output) == 0:
             self._question.end()
         if self._is(ShiftAnswer.UNTOLD) or self._is(ShiftAnswer.OTHER_UNIT):

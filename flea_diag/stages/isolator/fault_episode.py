@@ -151,11 +151,16 @@ class FaultEpisode:
         """Whether an innovation has detected, and no relation has deviated yet."""
         return not self.symbols and not self.settled
 
+    @property
+    def relations_seen(self) -> set[str]:
+        """Relations of the residuals that have deviated."""
+        return {self.residuals.relation(name) for name, _, _ in self.symbols}
+
     def gains_less(
         self, nats: float, quantified: Collection[str], alive: Sequence[Hypothesis]
     ) -> bool:
         """Whether no quantified hypothesis explains the residuals by so much better than none."""
-        deviating = {self.residuals.relation(name) for name, _, _ in self.symbols}
+        deviating = self.relations_seen
         if not deviating or not deviating <= set(quantified):
             return False
         if any(h.fit is None for h in alive) or self.evidence.mostly_stands:

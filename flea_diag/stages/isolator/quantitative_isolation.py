@@ -145,8 +145,7 @@ class QuantitativeIsolation:
 
     def _holds_what_deviates(self, episode: FaultEpisode, sums: EvidenceSums) -> bool:
         """Whether some relation that deviates is in the evidence: others say nothing of it."""
-        relation = episode.residuals.relation
-        seen = {relation(name) for name, _, _ in episode.symbols} & set(self.names)
+        seen = episode.relations_seen & set(self.names)
         return not seen or any(sums.samples[self.names.index(name)] > 0.0 for name in seen)
 
     def weighing(

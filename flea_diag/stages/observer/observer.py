@@ -155,7 +155,7 @@ class ObserverStage:
         changed, output = chain.examine(block, reading)
         found = chain.detect(block, output)
         if chain.episode.is_open != was_open:
-            chain.stream.turn(opened=not was_open)
+            chain.stream.turn(opened=not was_open, by=output.results)
         learned = learns and not chain.stream.learns
         chain.watch_wiring(block, reading, output)
         wired = chain.wiring.step(scan.stamp_ns, opens=chain.episode.is_open and not was_open)

@@ -200,9 +200,9 @@ class ResidualStream:
         """Whether this is the warm-up."""
         return self._warm_up is not None
 
-    def turn(self, opened: bool) -> None:
-        """An episode has opened or closed."""
-        self._tests.turn(opened)
+    def turn(self, opened: bool, by: TestResults | None = None) -> None:
+        """An episode has opened, ``by`` these results where this stream has them, or closed."""
+        self._tests.turn(opened, by)
 
     def step(self, stamps_ns: Stamps, raw: Array, given: Array, frozen: bool) -> StreamOutput:
         """Take n scans, SI, as they came and without values that are out of range.

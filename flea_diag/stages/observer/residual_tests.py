@@ -62,7 +62,6 @@ class ResidualTests:
         )  # fmt: skip
         self._disabled: list[int] = []
         self._directed = frozenset(known.of_relations((known.friction,)))
-        self._results = TestResults(len(known.rows))
         self._one_way = OneWay(c.parameters.moving_m_s)
 
     def step(
@@ -95,7 +94,6 @@ class ResidualTests:
             results.z[alone, self._circuit] = np.nan
         given = near, results, alone, leverage, place.loads, place.supplied
         self._mean_shift.step(*given, shift)
-        self._results = results
         return results
 
     def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:
@@ -118,13 +116,20 @@ class ResidualTests:
         """Test no thermal residual until the episode is closed."""
         self._disabled = self._known.predicted_columns
 
-    def turn(self, opened: bool) -> None:
-        """An episode has opened: innovations are frozen. Or closed: every test is armed again."""
+    def turn(self, opened: bool, by: TestResults | None = None) -> None:
+        """An episode has opened: innovations are frozen. Or closed: every test is armed again.
+
+        ``by``: the results that opened it; None: of before this stream.
+        """
         if not opened:
             self._disabled = []
         self._z_tests.forget(self._innovations if opened else range(len(self._known.rows)))
-        deviating = self._results.deviating()[-1].nonzero()[0].tolist() if opened else ()
-        self._mean_shift.turn(opened, bool(deviating) and self._of_sensors.issuperset(deviating))
+        self._mean_shift.turn(opened, by is not None and self._are_of_sensors(by))
+
+    def _are_of_sensors(self, results: TestResults) -> bool:
+        """Whether what deviates after the last scan is what faults of sensors alone move."""
+        deviating = results.deviating()[-1].nonzero()[0].tolist()
+        return bool(deviating) and self._of_sensors.issuperset(deviating)
 
     def adopt(self, offsets: Offsets) -> None:
         """The unit's offsets are known: move the windows along and narrow what units differ by."""
@@ -170,7 +175,7 @@ class SensorTestsAlone:
     def disable_thermal(self) -> None:
         """No thermal residual is tested."""
 
-    def turn(self, opened: bool) -> None:
+    def turn(self, opened: bool, by: TestResults | None = None) -> None:
         """Nothing is armed."""
 
     def adopt(self, offsets: Offsets) -> None:
