@@ -73,12 +73,14 @@ class FaultPairs:
     ) -> None:
         self._faults, self._goodness, self._dead = faults, goodness, dead
 
-    def may_add(self, sums: EvidenceSums, models: Models, weighing: Weighing, clues: Clues) -> bool:
+    def may_add(
+        self, sums: EvidenceSums, models: Models, later: Models, weighing: Weighing, clues: Clues
+    ) -> bool:
         """Whether a second fault may explain enough beside one of those that are left.
 
         In the weights of noise alone, which no misfit has lowered: no fit explains more.
         """
-        both = PairModels(models, models, self._dead)
+        both = PairModels(models, later, self._dead)
         columns, numbers = [NONE], dict[int, list[int]]()
         asked = [(k, 0) for name in clues.rivals for k in _numbers(columns, models[name], numbers)]
         for rival, other in product(clues.rivals, clues.predicted):
@@ -155,7 +157,7 @@ class FaultPairs:
                 nats[pair] - alone[name].nats
                 >= clues.price(alone[name], row[1:], left[pair], shown)
                 # Of a first fault that is known nothing need be shown again.
-                for name in (pair[:1] if clues.firsts else (*pair, *clues.rivals))
+                for name in (pair[:1] if clues.is_suspected else (*pair, *clues.rivals))
             )
         ]
         if not held or len(held) > MOST_HELD:

@@ -72,6 +72,11 @@ class Clues:
     rivals: Collection[str] = ()
     slow: frozenset[str] = frozenset()
 
+    @property
+    def is_suspected(self) -> bool:
+        """Whether a second fault is looked for since the first, by itself, explains no more."""
+        return bool(self.firsts) and not self.rivals
+
     def ordered(self) -> list[Pair]:
         """All pairs, with one of ``firsts`` as the first."""
         pairs = list(combinations(self.predicted, 2))
@@ -109,7 +114,7 @@ class Clues:
         may explain it as well.
         """
         asked = self.least(alone.name)
-        if self.firsts or not alone.fits(beside):
+        if self.is_suspected or not alone.fits(beside):
             return min(asked, SECOND_NATS)
         unsure = self.slow - alone.moved
         others = [model for model in both if model.fault != alone.name]

@@ -171,7 +171,7 @@ def test_a_second_fault_within_the_limits_of_a_mean_must_explain_more(
     said = replace(clues({FORCE: (LOAD,)}, rivals=(LOAD,)), slow=frozenset(slow))
     assert ({BIAS, LOAD} in [set(pair) for pair in found(known, said)]) is held
     sums = known.now
-    may = search_of().may_add(sums, MODELS, weighing(sums), said)
+    may = search_of().may_add(sums, MODELS, MODELS, weighing(sums), said)
     assert may is (level > 0.3)
 
 

@@ -170,6 +170,13 @@ def test_what_needs_a_reading_that_is_withheld_is_not_observable() -> None:
             FaultSetting("ambient_temperature_dead", 12.0, 0.0),
             FaultSetting("motor_temperature_scaling", 20.0, 1.502),
         ),
+        # Over the whole episode neither a rise throughout nor none fits the circuit.
+        (
+            33430,
+            "nominal_loaded",
+            FaultSetting("motor_speed_bias", 12.0, -14.85),
+            FaultSetting("winding_resistance_rise", 20.0, 0.553),
+        ),
     ],
 )
 def test_one_that_fits_within_the_limits_hides_no_second_fault(

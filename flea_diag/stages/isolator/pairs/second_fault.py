@@ -16,11 +16,13 @@
 
 Suspected where no single fault is left, where those that are left leave more than noise, in the
 whole episode or in its last seconds, and where a symbol contradicts a settled group. Otherwise
-pairs are searched where a second fault may add enough to those that are left, by one system now and
-then: an episode that one fault explains costs that, and one fit of its last seconds every two.
+pairs are searched where a second fault may add enough to those that are left, in all the evidence
+or since some time: an episode that one fault explains costs a system for each of these now and
+then, and one fit of its last seconds every two.
 
 A fault that begins later is in a part of the evidence only. So the sums of the episode are kept as
 they were every two seconds; their difference is the evidence since, in which both are throughout.
+Of those long ago ever fewer are kept.
 """
 
 from __future__ import annotations
@@ -44,6 +46,9 @@ LOOK_EVERY = 4
 """Evaluations from one look to the next."""
 RECENT_LOOKS = 3
 """Looks that the last seconds go back by: 6 s, in which a motion goes both ways."""
+SPACED = 4
+"""From one to the next it is about half of that: a fault that began in between is in half of the
+evidence at least."""
 MOST_WAITED = 4
 """Most looks from one search to the next: the evidence grows by less and less of itself."""
 
@@ -65,6 +70,9 @@ class SecondFault:
     ----------
     looks
         The last looks.
+    starts
+        Looks since which a second fault may add enough, each at most ``SPACED`` times as long ago
+        as the next but one.
     firsts
         The faults that were left when a single one last explained everything; empty: none has.
     suspected
@@ -80,6 +88,7 @@ class SecondFault:
     """
 
     looks: deque[Look] = field(default_factory=lambda: deque(maxlen=RECENT_LOOKS))
+    starts: list[Look] = field(default_factory=list)
     firsts: tuple[str, ...] = ()
     suspected: Look | None = None
     start: Look | None = None
@@ -92,6 +101,15 @@ class SecondFault:
         """What has come in the last seconds; None: the episode is no older."""
         whole = len(self.looks) == self.looks.maxlen
         return sums.since(self.looks[0].sums) if whole else None
+
+    def keep(self, now: Look) -> None:
+        """Keep what has been looked at, and forget what is near enough to another."""
+        self.looks.append(now)
+        self.starts.append(now)
+        ago = [now.stamp_ns - look.stamp_ns for look in self.starts]
+        for k in range(len(ago) - 2, 0, -1):
+            if ago[k - 1] <= SPACED * ago[k + 1]:
+                del self.starts[k], ago[k]
 
     def explain(self, names: Sequence[str]) -> None:
         """A single fault explains everything so far."""

@@ -82,7 +82,7 @@ class SecondFaultSearch:
                 self._search(stamp_ns, episode, sums)
         elif not (second.is_due() and self._adds_much(stamp_ns, episode, sums)):
             second.explain(episode.names())
-        second.looks.append(now)
+        second.keep(now)
 
     def _applies(self, episode: FaultEpisode) -> bool:
         """Whether relations decide, and not from the start: then the calibration may not fit."""
@@ -139,12 +139,20 @@ class SecondFaultSearch:
         second.start = None
 
     def _adds_much(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> bool:
-        """Whether a pair explains so much more than those that are left that it holds."""
-        names = episode.names()
+        """Whether a pair explains so much more than those that are left that it holds.
+
+        In all of the evidence, or since one of the looks: the second one may have begun then.
+        """
+        names, second = episode.names(), episode.second
         if len(self._known(names)) < len(names):
             return False
-        episode.second.start = None
-        return self._find(stamp_ns, episode, sums, (), unasked=True)
+        for start in (None, *second.starts):
+            second.start = start
+            if self._find(stamp_ns, episode, sums, (), unasked=True):
+                second.firsts = names
+                return True
+        second.start = None
+        return False
 
     def _weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
         """What evidence weighs of which those that are left explain all, or do not.
@@ -181,14 +189,15 @@ class SecondFaultSearch:
             enough = not episode.asks_both_ways or both_ways_s >= BOTH_WAYS_S
         if not enough or stamp_ns - begin_ns < LEAST_NS:
             return False
-        clues = self._clues(stamp_ns, episode, begin_ns, moved)
+        clues = self._clues(stamp_ns, episode, begin_ns, moved, unasked)
         weighing = self._weighing(episode, sums)
-        if unasked and not self._pairs.may_add(sums, self._models, weighing, clues):
+        later = self._later((begin_ns - episode.shared.detected_ns) / 1e9)
+        if unasked and not self._pairs.may_add(sums, self._models, later, weighing, clues):
             return False
         second.pairs = self._pairs.search(
             sums,
             self._models,
-            self._later((begin_ns - episode.shared.detected_ns) / 1e9),
+            later,
             weighing,
             clues,
             self._drop_nats,
@@ -210,11 +219,17 @@ class SecondFaultSearch:
         }
 
     def _clues(
-        self, stamp_ns: int, episode: FaultEpisode, begin_ns: int, moved: Sequence[str]
+        self,
+        stamp_ns: int,
+        episode: FaultEpisode,
+        begin_ns: int,
+        moved: Sequence[str],
+        unasked: bool,
     ) -> Clues:
         """What signs and single sensors say of faults that began then."""
         isolation, symbols = episode.isolation, episode.magnitudes()
-        firsts = episode.second.firsts if episode.second.start else ()
+        start, left = episode.second.start, episode.names()
+        firsts = () if start is None else left if unasked else episode.second.firsts
         followed_s = (stamp_ns - begin_ns) / 1e9
         predicted = {
             name: found
@@ -232,7 +247,7 @@ class SecondFaultSearch:
 
         relation, known = episode.residuals.relation, self._quantitative.names
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
-        rivals = () if episode.second.start else self._known(episode.names())
+        rivals = self._known(left) if unasked or start is None else ()
         rivals = tuple(name for name in rivals if name in predicted)
         slow = frozenset(episode.residuals.of_unit)
         return Clues(predicted, isolation.seen, weighed, firsts, is_possible, rivals, slow)
