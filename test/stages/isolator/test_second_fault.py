@@ -185,3 +185,12 @@ def test_one_that_fits_within_the_limits_hides_no_second_fault(
     last = diagnosed("flea", seed, motion, first, second)
     assert last.outcome is Outcome.INDISTINGUISHABLE
     assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
+def test_a_balance_without_values_waits_for_no_motion_both_ways() -> None:
+    """A dead encoder leaves the balance of forces without a value from its first second on."""
+    first = FaultSetting("load_force_drift", 12.0, 84.9)
+    second = FaultSetting("motor_speed_dead", 20.0, 0.0)
+    last = diagnosed("ema", 33291, "nominal_pulled", first, second)
+    assert {first.fault, second.fault} == stands.members(last)

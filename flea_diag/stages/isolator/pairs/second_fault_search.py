@@ -186,7 +186,10 @@ class SecondFaultSearch:
         else:
             sums = sums.since(start.sums)
             both_ways_s, moved = episode.evidence.since(start.motion)
-            enough = not episode.asks_both_ways or both_ways_s >= BOTH_WAYS_S
+            # A balance with the friction that has had no value since tells no drag from a bias.
+            held = dict(zip(sums.residuals, sums.blocks, strict=True))
+            asks = episode.asks_both_ways and held.get(episode.residuals.friction, 0.0) >= 1.0
+            enough = not asks or both_ways_s >= BOTH_WAYS_S
         if not enough or stamp_ns - begin_ns < LEAST_NS:
             return False
         clues = self._clues(stamp_ns, episode, begin_ns, moved, unasked)
