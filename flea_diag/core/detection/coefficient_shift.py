@@ -60,6 +60,8 @@ COEFFICIENT_WINDOWS_S = (*SHIFT_WINDOWS_S, 8.0, 16.0)
 """A small change that stays has its power in long windows."""
 BIN_S = 0.5
 """Time in which samples count as one independent sample, and by which windows move on."""
+BESIDE_K = 20.0
+"""Warming by which a magnet weakens by about what units differ by: 3 %, at 0.1 to 0.2 %/K."""
 LEAST_LEFT = 1e-6
 """Share of a reading that its unit's parameters must leave, against rounding."""
 _MOST = 100  # bins between two moves of the store
@@ -273,13 +275,14 @@ def coefficient_rows(
     if supplied is None:
         supplied = np.zeros((len(units), 1 + max((k for _, k in terms[0].warmed), default=0)))
     warmed = [units[:, place] * supplied[:, k] for place, k in terms[0].warmed]
+    beside = [units[:, place] * signals[:, k] / BESIDE_K for place, k in terms[0].beside]
     readings = [signals[:, term.signal] - term.zero for term in terms]
-    return np.column_stack((units, loads, *warmed, residual, *readings))
+    return np.column_stack((units, loads, *warmed, *beside, residual, *readings))
 
 
 def own_count(term: ReadingTerm, loads: int) -> int:
     """How many columns of ``coefficient_rows`` are psi."""
-    return len(term.units) + loads + len(term.warmed)
+    return len(term.units) + loads + len(term.warmed) + len(term.beside)
 
 
 class _Group:

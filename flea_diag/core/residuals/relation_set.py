@@ -198,6 +198,7 @@ class RelationSet(Frozen):
                 float(zeros.get(name, 0.0)),
                 self._depends(row.relation),
                 self._warmed(row.relation),
+                self._beside(row.relation),
             )
             for row in rows.parities
             if row.differs and not row.normalised and row.relation in self.named
@@ -235,6 +236,17 @@ class RelationSet(Frozen):
             for signal in symbols(self._apart(row, self.units[unit]))
             if self.predicted.get(signal) in stores
             for lag in range(2)
+        )
+
+    def _beside(self, relation: str) -> tuple[tuple[int, int], ...]:
+        """Sizes of ``_depends`` in a relation of a predicted store that do not follow it."""
+        row, follow = self.named[relation], {place for place, _ in self._warmed(relation)}
+        return tuple(
+            (place, self.signals.index(signal))
+            for place, unit in enumerate(self._depends(relation))
+            if place not in follow and self.units[unit] not in ZEROS
+            for signal in row.signals
+            if signal in self.predicted
         )
 
     def _apart(self, row: CompiledRelation, unit: str) -> Expression:

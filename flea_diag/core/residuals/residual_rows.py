@@ -96,7 +96,8 @@ class ReadingTerm(Frozen):
 
     ``units`` are the places of the unit parameters that the residual depends on. ``warmed`` are
     those that follow a store which is predicted: the place among ``units``, and that store's in
-    ``Heating``.
+    ``Heating``. ``beside`` are those that are next to such a store, as a magnet is to its winding:
+    the place, and the signal that is its temperature.
     """
 
     residual: str
@@ -105,6 +106,7 @@ class ReadingTerm(Frozen):
     zero: float
     units: tuple[int, ...] = ()
     warmed: tuple[tuple[int, int], ...] = ()
+    beside: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
