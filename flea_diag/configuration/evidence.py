@@ -27,6 +27,7 @@ from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.hypotheses import StreamHypotheses, signatures_of
+from flea_diag.core.evidence.turned_way import TurnedWay
 from flea_diag.core.isolation.predicted_symbols import steps
 from flea_diag.core.likelihood.effect_set import EffectSet, motion_signals
 from flea_diag.core.residuals.measured_graph import rate_symbol
@@ -106,11 +107,13 @@ def stream_hypotheses(
     columns = every.some([every.names.index(term.name) for term in law.terms])
     dry = dry_friction(known, parameters, law.relations)
     friction = Friction.of(dry, known, law.usual_speed)
-    signatures = signatures_of(known.bound(parameters), names, law)
+    way = TurnedWay.of(known, parameters, law.relations)
+    models, signed = known.bound(parameters), way.channel if way else ""
+    signatures = signatures_of(models, names, law, signed)
     rooms = [name for name in known.residuals.predictions if name in known.residuals.own]
     recording_s = calibration.nominal_s / law.recordings
     own, another = (
-        StreamHypotheses.of(law, columns, signatures, friction, other, rooms, recording_s)
+        StreamHypotheses.of(law, columns, signatures, friction, other, rooms, recording_s, way)
         for other in (False, True)
     )
     return own, another

@@ -224,7 +224,7 @@ ARROWS = {
             "causal_graph",
             "faults",
         ),
-        "evidence": ("run_law", "likelihood", "isolation", "faults"),
+        "evidence": ("run_law", "likelihood", "isolation", "residuals", "faults", "symbolic"),
         "prognosis": ("likelihood",),
         "recurrence": ("evidence", "run_law"),
         "vibration": (),

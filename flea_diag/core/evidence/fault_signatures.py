@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,20 +57,25 @@ class FaultSignatures:
 
     ``design``, shape (residuals, signals, models * sizes), is what one unit of each size adds to
     each residual, as factors of the basis signals; ``reach`` is that of sizes without a bound.
+    ``turns`` are places among ``models * sizes``, one of each model by which the error of a reading
+    may turn its sign: no size of the fault, but how much of what the sign does is turned, 0 to 1.
     """
 
     models: tuple[FaultModel, ...]
     design: Array
     elapsed: int
     reach: Array
+    turns: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
 
     @classmethod
     def of(
-        cls, models: Sequence[FaultModel], residuals: Sequence[str], basis: Basis
-    ) -> FaultSignatures:
+        cls, models: Sequence[FaultModel], residuals: Sequence[str], basis: Basis,
+        signed: str = "",
+    ) -> FaultSignatures:  # fmt: skip
         """Signatures in these residuals; ages of a drift and rough variants are left out.
 
-        The bank of onsets has ages of its own, and coloured noise is in the noise.
+        The bank of onsets has ages of its own, and coloured noise is in the noise. ``signed`` is
+        the channel whose sign is a signal as well; empty: none is.
         """
         seen: dict[object, FaultModel] = {}
         for model in models:
@@ -79,7 +84,8 @@ class FaultSignatures:
                 grown = tuple(term for term in terms if term.regressor != ONE)
                 seen.setdefault((model.fault, grown or terms), replace(model, terms=terms))
         kept = tuple(seen.values())
-        sizes = max(len(model.sizes) for model in kept)
+        turned = [bool(signed) and model.channel == signed for model in kept]
+        sizes = max(len(model.sizes) + more for model, more in zip(kept, turned, strict=True))
         design = np.zeros((len(residuals), len(basis.names), len(kept), sizes))
         rows = {name: row for row, name in enumerate(residuals)}
         for column, model in enumerate(kept):
@@ -88,7 +94,9 @@ class FaultSignatures:
                 design[place] += term.gain
         elapsed = basis.column[str(ELAPSED)]
         flat = design.reshape(*design.shape[:2], -1)
-        return cls(kept, flat, elapsed, np.full((len(kept), sizes), np.inf))
+        turns = [k * sizes + len(kept[k].sizes) for k in np.flatnonzero(turned)]
+        reach = np.full((len(kept), sizes), np.inf)
+        return cls(kept, flat, elapsed, reach, np.array(turns, dtype=np.intp))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -112,6 +120,7 @@ class FaultSignatures:
         for k, model in enumerate(self.models):
             for i, size in enumerate(model.sizes):
                 rows[:, k, i] = _prior(size.low, size.high, float(self.reach[k, i]))
+        rows.reshape(4, -1)[:, self.turns] = np.array(_prior(0.0, 1.0, 1.0))[:, None]
         return SizePrior(*rows)
 
 

@@ -33,6 +33,7 @@ from flea_diag.core.evidence.fault_signatures import FaultSignatures, SizePrior
 from flea_diag.core.evidence.friction import Friction
 from flea_diag.core.evidence.marginal_ratio import Sums, marginal_ratio
 from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.evidence.turned_way import TurnedWay
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -70,6 +71,8 @@ class StreamHypotheses(Frozen):
         Time in which what is known of a stream fades to 1/e.
     friction
         What it does beyond the noise of the law.
+    way
+        The way of the current, which an error of its reading may turn; None: nothing goes by it.
     """
 
     signatures: FaultSignatures
@@ -83,11 +86,13 @@ class StreamHypotheses(Frozen):
     feigned: tuple[SizePrior, SizePrior]
     memory_s: float
     friction: Friction
+    way: TurnedWay | None = None
 
     @classmethod
     def of(
         cls, law: RunLaw, columns: LawColumns, signatures: FaultSignatures, friction: Friction,
         another: bool = False, rooms: Collection[str] = (), recording_s: float = math.inf,
+        way: TurnedWay | None = None,
     ) -> StreamHypotheses:  # fmt: skip
         """By a law; ``another``: of a unit that it was not learned from.
 
@@ -114,7 +119,7 @@ class StreamHypotheses(Frozen):
         return cls(
             signatures, columns, law.law_noise, spread.mean, root, unit, room[acts],
             entered.reshape(signatures.shape).any(axis=1), _feigned(law, signatures),
-            min(law.time_constant_s, recording_s), friction,
+            min(law.time_constant_s, recording_s), friction, way,
         )  # fmt: skip
 
     def evidence(self, sums: Sums) -> Array:
@@ -149,9 +154,26 @@ class StreamHypotheses(Frozen):
         errors
             Of prediction under no fault, in standard deviations of a window, (..., relations).
         """
-        far = np.maximum(np.abs(errors), BOUND)
-        share = (1.0 - BOUND / far)[..., None]
+        share = told_share(errors)[..., None]
         return self.signatures.signals(window.signals + share * (window.read - window.signals))
+
+    def turned(self, window: LawWindow, errors: Array, left: Array, eta: Array) -> Array:
+        """What errors of the current add by turning its sign, shape (relations, models * sizes).
+
+        Parameters
+        ----------
+        errors, left
+            Of prediction under no fault, in standard deviations of a window and in the units of the
+            relations, shape (relations,).
+        eta
+            What is known of this recording.
+        """
+        added = np.zeros((len(errors), self.signatures.design.shape[-1]))
+        if self.way is not None:
+            law = self._recording @ np.concatenate(([1.0], eta[:-1]))
+            turn = self.way.added(window, left, told_share(errors), law)
+            added[:, self.signatures.turns] = turn[:, None]
+        return added
 
     def own(self, window: LawWindow, number: npt.ArrayLike) -> tuple[Array, Array]:
         """What is left beside the mean, shape (..., relations), and Psi root.
@@ -203,14 +225,20 @@ class StreamHypotheses(Frozen):
         return 2 + int(self.root.shape[1])
 
 
+def told_share(errors: Array) -> Array:
+    """How much of errors is no noise, 0 to 1; in standard deviations, shape (..., relations)."""
+    return np.asarray(1.0 - BOUND / np.maximum(np.abs(errors), BOUND))
+
+
 def signatures_of(
-    models: Sequence[FaultModel], signals: tuple[str, ...], law: RunLaw
+    models: Sequence[FaultModel], signals: tuple[str, ...], law: RunLaw, signed: str = ""
 ) -> FaultSignatures:
     """Signatures in the relations of a law; by ``signals``, the names of those of a window.
 
-    A size without a bound reaches at least ``WIDE`` times what half of the recordings show.
+    ``signed`` is the channel whose sign is a signal as well; empty: none is. A size without a bound
+    reaches at least ``WIDE`` times what half of the recordings show.
     """
-    made = FaultSignatures.of(models, law.relations, Basis(signals))
+    made = FaultSignatures.of(models, law.relations, Basis(signals), signed)
     shown = {(row.fault, row.size): row.onset for row in law.visible}
     reach = np.ones(made.shape)
     for k, model in enumerate(made.models):

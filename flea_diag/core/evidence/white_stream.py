@@ -117,6 +117,7 @@ class WhiteStream:
         sigma = h.noise.sigma
         raw = np.where(known, standardised(rows / (loud * sigma)[:, None], eta, covariance), 0.0)
         added, growing = h.faults(window, raw)
+        added = added + h.turned(window, raw, left_beside(rows, eta), eta)
         gain = self._gains.step(known)
         both = known[:, None] & known
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.

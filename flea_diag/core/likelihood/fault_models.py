@@ -65,13 +65,15 @@ class FaultModel:
     """Additive model of one fault in the parity relations; equal to itself alone.
 
     ``roughness`` is the scatter of the fault's own effect, as a share of it: friction of a rubbing
-    screw varies along the stroke, a sensor's scale factor does not.
+    screw varies along the stroke, a sensor's scale factor does not. ``channel`` is the one whose
+    reading errs; empty: none does.
     """
 
     fault: str
     sizes: tuple[Size, ...]
     terms: tuple[Term, ...]
     roughness: float = 0.0
+    channel: str = ""
 
 
 def moved_by(models: Iterable[FaultModel]) -> frozenset[str]:

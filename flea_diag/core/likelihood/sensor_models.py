@@ -195,7 +195,8 @@ def _dead(error: ReadingError) -> tuple[SymbolicModel, ...]:
         return (_one(error, level, error.level(CONSTANT)),)
     low, high = error.fault.errors.lost
     sizes = (SizeBounds("lost share", "1", low, high, low), level)
-    return (SymbolicModel(error.fault.name, sizes, error.lost + error.level(CONSTANT, 1)),)
+    effects = error.lost + error.level(CONSTANT, 1)
+    return (SymbolicModel(error.fault.name, sizes, effects, channel=error.fault.channel),)
 
 
 def _size(name: str, error: ReadingError) -> SizeBounds:
@@ -204,7 +205,7 @@ def _size(name: str, error: ReadingError) -> SizeBounds:
 
 
 def _one(error: ReadingError, size: SizeBounds, effects: Effects) -> SymbolicModel:
-    return SymbolicModel(error.fault.name, (size,), effects)
+    return SymbolicModel(error.fault.name, (size,), effects, channel=error.fault.channel)
 
 
 _MODES: dict[str, Callable[[ReadingError], Iterable[SymbolicModel]]] = {

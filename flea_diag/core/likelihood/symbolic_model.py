@@ -35,6 +35,7 @@ class SymbolicModel:
     effects: Effects
     roughness: float = 0.0
     vibration_only: bool = False
+    channel: str = ""
 
     @property
     def has_least(self) -> bool:
@@ -53,7 +54,8 @@ class SymbolicModel:
             for e in self.effects
         )
         sizes = tuple(_bound(size, values, is_vibration_only) for size in self.sizes)
-        return FaultModel(self.fault, sizes, tuple(t for t in terms if t.gain), self.roughness)
+        acting = tuple(term for term in terms if term.gain)
+        return FaultModel(self.fault, sizes, acting, self.roughness, self.channel)
 
 
 def _bound(size: SizeBounds, values: Mapping[str, float], is_vibration_only: bool) -> Size:

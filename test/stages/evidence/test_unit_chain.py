@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 from support import stands
-from support.stand_runs import scenario
+from support.stand_runs import last_verdict, scenario
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -132,6 +132,18 @@ def test_what_began_before_a_shift_is_no_answer_to_it() -> None:
     run = SimulatedStand(scenario(**values))
     detections, last = told(tuple(r for r in run if isinstance(r, ChannelTable | Scan)))
     assert [d.detected for d in detections] == [True]
+    assert "motor_current_bias" in {member.fault for member in last.members}
+
+
+def test_a_bias_that_turns_the_current_at_rest_is_no_other_unit() -> None:
+    """The bridge seems to lose what it gained: another unit's zero explained that, no bias did."""
+    motion = {"kind": "trapezoid", "amplitude_m": 0.0309, "frequency_hz": 0.102}
+    bias = {"fault": "motor_current_bias", "size": 0.628, "onset_s": 16.45}
+    last = last_verdict(
+        motion=motion | {"centre_m": 0.0535, "rise_s": 1.2}, load={"constant_n": 93.5},
+        duration_s=22.0, seed=2117708377, unit_seed=343, ambient_degc=26.8, faults=[bias],
+    )  # fmt: skip
+    assert last.outcome is not Outcome.NOMINAL
     assert "motor_current_bias" in {member.fault for member in last.members}
 
 
