@@ -268,8 +268,13 @@ class ResidualBank:
         push, dry = self._relations.functions["drag"](self._p, x)
         stands = ~moving & (abs(speed) <= self._moving_m_s)  # and not: no speed is known
         stalled = self._rests(stands) & (abs(push) > STALL * dry)
-        way = np.where(stalled, np.copysign(1.0, push), direction(self._p, speed))
+        way = np.where(stalled, np.copysign(1.0, push), self._direction(x, speed))
         return float(way[0]) if count == 1 else way, moving | stalled
+
+    def _direction(self, x: list[Value], speed_m_s: Value) -> Value:
+        """Smooth sign of the speed: a shape where a relation holds it."""
+        place = self._layout.direction
+        return x[place] if place >= 0 else direction(self._p, speed_m_s)
 
     def _rests(self, stands: Flags) -> Flags:
         """Whether it has stood for longer than the kernel is: a reversal is no standstill."""

@@ -22,7 +22,9 @@ from support.models import linear_ema as ema
 from support.observed import FLEA_COUNTS, flea_parameters
 
 from flea_diag.configuration import description
+from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_bank import ResidualBank
 
@@ -255,6 +257,30 @@ def test_a_reversal_is_no_standstill():
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
     assert not found.moving[31:][still].any()
+
+
+@pytest.mark.parametrize("block", [1, 400])
+def test_the_direction_is_by_the_reading_that_its_relation_holds(block):
+    """That of the joint holds the slope of its position, in which no error of the speed is."""
+    known = compiled_relations(str(load_stand("joint").actuator))
+    true = learned(load_stand("joint")).parameters
+    t = 0.01 * np.arange(400)
+    rows = np.ones((400, len(known.residuals.channels)))
+    rows[:, known.residuals.channel("actuator_position")] = 2.0 - np.cos(2.0 * np.pi * 0.5 * t)
+    found = []
+    for backend in ("numpy", "numba"):
+        if backend == "numba":
+            pytest.importorskip("numba")
+        for speed in (0.0, 30.0):
+            rows[:, known.residuals.channel("motor_speed")] = speed
+            bank = ResidualBank(
+                true, known, backend=backend, period_s=0.01, counts=FLEA_COUNTS, most_supplied={}
+            )
+            parts = [bank.step(rows[i : i + block], frozen=False) for i in range(0, 400, block)]
+            found.append(np.concatenate([part.motion[:, 1] for part in parts])[31:])
+    slope = 2.0 * np.pi * 0.5 * np.sin(2.0 * np.pi * 0.5 * t)[31 - DELAY : -DELAY]
+    assert all(way.tobytes() == found[0].tobytes() for way in found)
+    assert np.abs(found[0] - np.tanh(slope / true.stribeck_speed_m_s)).max() < 0.1
 
 
 @pytest.mark.slow
