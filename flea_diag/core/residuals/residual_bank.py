@@ -98,7 +98,7 @@ class ResidualBank:
         current = rows.current
         self._current = relations.signals.index(current) if current in relations.signals else -1
         self._untold = self._current >= 0 and any(row.name == HELD for row in rows.modes)
-        self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
+        self.has_encoder = self._layout.encoder >= 0 and parameters.encoder_m_per_rad != 0.0
         self._reads = [self._read_by(row.needs) for row in rows.parities]
 
     def step(
@@ -241,7 +241,7 @@ class ResidualBank:
         columns = value, first, _ = _columns(smooth)
         x = self._measured(columns)
         x[len(x) - len(self._relations.shapes) :] = self._shapes(x)
-        # The encoder where there is one: then a position fault does not touch the speed.
+        # The encoder where the direction is by one: a position fault does not touch the speed.
         speed, rate = self._speeds(value, first)
         way, moving = self._way(len(rows), x, (speed, rate))
         if self._layout.direction >= 0:
