@@ -27,7 +27,7 @@ from flea_diag.stages.digest import digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.records import AmbiguityGroup, DataQuality, Outcome, Record, Residual
 from flea_sim_driver.scenario.library import find_scenario
-from flea_sim_driver.scenario.scenario_file import overridden
+from flea_sim_driver.scenario.scenario_file import overridden, scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
 
 
@@ -64,6 +64,25 @@ def test_another_payload_is_said_and_is_no_fault(
 def test_a_drag_is_found_beside_another_payload() -> None:
     told = replay(pipeline("axis"), records("axis", "gear_friction", 10.0, 40.0))
     assert members(verdict(told)) == {"gear_friction", "jam"}
+
+
+@pytest.mark.slow
+def test_a_value_that_is_made_more_exact_is_no_shift() -> None:
+    """From the level of before, when the unbalance of a camera was known less exactly."""
+    scenario = {
+        "duration_s": 13.0,
+        "machine": "gimbal",
+        "seed": 397754227,
+        "unit_seed": 201,
+        "ambient_degc": 25.3,
+        "warm_degc": 7.3,
+        "motion": {"kind": "triangle", "amplitude_m": 0.8382, "frequency_hz": 0.172,
+                   "centre_m": 1.5696},
+        "sensors": {"vibration": False},
+    }  # fmt: skip
+    run = SimulatedStand(scenario_from_mapping(scenario, "a camera"))
+    told = replay(make_pipeline(load_stand("gimbal")), list(run))
+    assert verdict(told).outcome is Outcome.NOMINAL
 
 
 @pytest.mark.slow

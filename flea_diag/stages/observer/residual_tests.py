@@ -108,7 +108,7 @@ class ResidualTests:
         self._z_tests.forget(columns)
 
     def restart(self, columns: list[int]) -> None:
-        """These residuals have another zero from now on: no level of before counts."""
+        """Zeros are others from now on, and no level counts; of these no window does, either."""
         self._z_tests.forget(columns)
         self._mean_shift.turn(opened=False)
 
