@@ -377,8 +377,8 @@ class ResidualStream:
         """Use what this run has of its own, from the scan after the one that has shown it."""
         if any(getattr(self._p, name) != value for name, value in run.values.items()):
             self._use(replace(self._p, **run.values))
-            # The same made more exact is within what windows allow for, but a level moves by it.
-            self._tests.restart(run.void if run.restarts else [])
+            if run.restarts:
+                self._tests.restart(run.void)
 
     def _use(self, parameters: ActuatorParameters) -> None:
         """Use these parameters in every part that computes with them."""
