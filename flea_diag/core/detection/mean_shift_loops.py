@@ -82,8 +82,7 @@ def mean_shift_test_loops(
     ``place``: the loads, the leverage of each residual beyond the reach, and by how much each has
     moved, of which there may be one row for all scans.
     """
-    values, spread, moving = rows
-    loads, leverage, moved = place
+    (values, spread, moving), (loads, leverage, moved) = rows, place
     store, level = memory
     change, tolerance = numbers_of(tests, CHANGE)[0], numbers_of(tests, TOLERANCE)[0]
     metric, between = numbers_of(tests, METRIC), numbers_of(tests, BETWEEN)[0]
