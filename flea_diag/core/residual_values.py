@@ -44,6 +44,8 @@ class ResidualRows:
     states of ``ResidualSet.modes``. ``noise``, shape (n, residuals), is how much noisier each value
     is for readings that are missing; None: they are all there. ``doubt``, of the same shape, is the
     variance by what is not known of this run, in times what was calibrated; None: as calibrated.
+    ``moved``, of the same shape, is by how much each is another since a value of this run was made
+    more exact; None: by nothing.
     """
 
     values: Array
@@ -54,6 +56,7 @@ class ResidualRows:
     modes: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
     noise: Array | None = None
     doubt: Array | None = None
+    moved: Array | None = None
 
     def __len__(self) -> int:
         return len(self.values)

@@ -325,12 +325,13 @@ class _Group:
         spread = rows.spread[:, self._place]
         learned = summed_in_order(spread * change)
         readings = rows.signals[:, self._signals]
+        moved = 0.0 if rows.moved is None else rows.moved[:, self._column]
         made = coefficient_rows(
             self.terms,
             spread[:, self._units] * self._tolerance,
             neglected_by(loads, self._neglected),
             supplied,
-            rows.values[:, self._column] - learned,
+            rows.values[:, self._column] - moved - learned,
             rows.signals,
         )
         seen = (self._low <= readings) & (readings <= self._high)

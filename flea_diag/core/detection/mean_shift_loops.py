@@ -39,7 +39,7 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
-ShiftInput = tuple[bool, tuple[Array, Array], Flat, Memory, Array]
+ShiftInput = tuple[bool, tuple[Array, Array, Array], Flat, Memory, Array]
 """Whether shifts are judged at all, and what ``mean_shift_test_loops`` takes beside residuals."""
 TESTS = CHANGE, TOLERANCE, METRIC, VARIANCE, BETWEEN, LIMIT, COLUMNS, PLACES, GATED = range(9)
 """Of what is tested: change and tolerance of the unit's parameters, metric of the loads, variance,
@@ -74,16 +74,15 @@ def mean_shift_loops(
 
 
 def mean_shift_test_loops(
-    rows: tuple[Array, Array, Flags], place: tuple[Array, Array], tests: Flat, memory: Memory,
-    found: Array,
+    rows: tuple[Array, Array, Flags], place: tuple[Array, Array, Array], tests: Flat,
+    memory: Memory, found: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan into ``found``, z and shifts; returns whether any is beyond its limit.
 
-    ``place``: the loads, and the leverage of each residual beyond the reach, of which there may be
-    one row for all scans.
+    ``place``: the loads, the leverage of each residual beyond the reach, and by how much each has
+    moved, of which there may be one row for all scans.
     """
-    values, spread, moving = rows
-    loads, leverage = place
+    (values, spread, moving), (loads, leverage, moved) = rows, place
     store, level = memory
     change, tolerance = numbers_of(tests, CHANGE)[0], numbers_of(tests, TOLERANCE)[0]
     metric, between = numbers_of(tests, METRIC), numbers_of(tests, BETWEEN)[0]
@@ -99,13 +98,14 @@ def mean_shift_test_loops(
     is_frozen, row, beyond = counts_of(level, IS_FROZEN)[0], np.empty(most + 1), False
     for i in range(len(values)):
         here, lever = loads[min(i, len(loads) - 1)], leverage[min(i, len(leverage) - 1)]
+        since = moved[min(i, len(moved) - 1)]
         for t in range(len(columns)):
             learned = 0.0
             for u in range(len(change)):
-                moved = spread[i, places[t], u]
-                learned += moved * change[u]
-                row[1 + u] = moved * tolerance[u]
-            row[0] = values[i, columns[t]] - learned
+                slope = spread[i, places[t], u]
+                learned += slope * change[u]
+                row[1 + u] = slope * tolerance[u]
+            row[0] = values[i, columns[t]] - since[columns[t]] - learned
             for u in range(len(metric)):
                 row[units + u] = 0.0
                 for v in range(len(metric)):

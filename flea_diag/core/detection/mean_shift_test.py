@@ -140,12 +140,20 @@ class MeanShiftTest:
             self._coefficients.turn(opened)
 
     def input(
-        self, count: int, leverage: Array | None = None, loads: Array | None = None
+        self,
+        count: int,
+        leverage: Array | None = None,
+        loads: Array | None = None,
+        moved: Array | None = None,
     ) -> ShiftInput | None:
-        """What compiled loops take to judge means of n scans; None where none are compiled."""
+        """What compiled loops take to judge means of n scans; None where none are compiled.
+
+        ``moved``: see ``ResidualRows``.
+        """
         if not self._compiled:
             return None
-        place, found = self._place(leverage, loads), np.empty((2, count, *self._k.shape))
+        by = self._nowhere[1] if moved is None else moved
+        place, found = (*self._place(leverage, loads), by), np.empty((2, count, *self._k.shape))
         return not self._is_other, place, self._state.flat, self._level.room(count), found
 
     def _place(self, leverage: Array | None, loads: Array | None) -> tuple[Array, Array]:
@@ -239,7 +247,7 @@ class MeanShiftTest:
         self, rows: ResidualRows, leverage: Array | None, loads: Array | None
     ) -> tuple[Array, Array, bool]:
         """``_z`` in one compiled loop."""
-        given = self.input(len(rows), leverage, loads)
+        given = self.input(len(rows), leverage, loads, rows.moved)
         assert given is not None
         loops = backends.exact(*MEAN_SHIFT_LOOPS)
         beyond = loops((rows.values, rows.spread, rows.moving), *given[1:])
@@ -253,11 +261,13 @@ class MeanShiftTest:
         Both of shape (n, residuals, windows); then whether any is beyond its limit.
         """
         loads, leverage = self._place(leverage, loads)
-        # The residuals as if nothing had been learned of the unit, and what units differ by.
+        # The residuals as if nothing had been learned of the unit nor made more exact of the run,
+        # and what units differ by.
         spread = rows.spread.take(self._places, axis=1)
         values = np.empty((*spread.shape[:2], self._level.columns))
         learned = summed_in_order(spread * self._change)
-        values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
+        moved = self._nowhere[1] if rows.moved is None else rows.moved
+        values[:, :, 0] = (rows.values - moved).take(self._columns, axis=1) - learned
         values[:, :, 1 : self._units] = spread * self._tolerance
         known = np.where(np.isnan(loads), 0.0, loads)
         for place, weights in enumerate(self._metric.T, start=self._units):

@@ -197,7 +197,8 @@ class RunLearning:
         count, width = len(self.terms.free), len(self.terms.free) + len(self.terms.beside)
         self._most, self._every = float(chdtri(count, CHANCE)), self.counts.of(EVERY_S)
         self._tight, self._wide = (self._prior(reach) for reach in (1.0, REACH))
-        self.covariance = np.zeros((count, count))
+        self.covariance, self.refined = np.zeros((count, count)), np.zeros(count)
+        """The second: by how much the values in use are others than when they were first known."""
         self._still, self._watched, self.restarts = 0, 0, False
         self._watch = _Sums(width, self.least)
         # What friction and mass are like in this run: a drag is no payload at each new start.
@@ -290,6 +291,8 @@ class RunLearning:
         self.found = tuple(map(self._value, self.terms.free, change.tolist(), sigmas))
         if all(value.within for value in self.found):
             self.values = {value.parameter: value.value for value in self.found}
+            by = change - self._change
+            self.refined = np.zeros(len(by)) if self.restarts else self.refined + by
             self._change, self.covariance = change, covariance
         else:
             self.stage = RunStage.KNOWN

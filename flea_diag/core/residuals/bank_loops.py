@@ -33,6 +33,7 @@ from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual import STALL
 from flea_diag.core.residuals.residual_rows import Parity
 from flea_diag.core.residuals.thermal import ESTIMATE, RESIDUAL, Places, advance
+from flea_diag.core.symbolic.expression import symbols
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -43,7 +44,8 @@ class SignalLayout(NamedTuple):
     """Where the functions of a relation set find their signals, and where their values go.
 
     ``places``: order of derivative and channel of each signal, -1 for what is no channel;
-    ``position`` and ``encoder``: channels whose slope, or value, is the speed, -1 without one.
+    ``position`` and ``encoder``: channels whose slope, or value, is the speed, -1 without one;
+    an encoder that the direction is not by tells no motion of the relation that holds friction.
     ``winding`` and ``direction``: indices of these two signals, -1 if no relation has them.
     ``values``: parity row, its relation, whether it is normalised; ``spreads``: row of the
     spreads, its relation among those that differ, the same.
@@ -67,12 +69,18 @@ def layout(known: RelationSet) -> SignalLayout:
     return SignalLayout(
         tuple(places),
         known.residuals.channel(known.residuals.position),
-        known.residuals.channel(known.residuals.encoder),
+        known.residuals.channel(_encoder(known)),
         known.signals.index(winding) if winding in known.signals else -1,
         known.signals.index(DIRECTION) if DIRECTION in known.signals else -1,
         _rows(rows, known.names),
         _rows([row for row in rows if row.differs], known.differing),
     )
+
+
+def _encoder(known: RelationSet) -> str:
+    """Encoder that the direction is by; empty: it is by the slope of the position."""
+    encoder, way = known.residuals.encoder, known.shapes.get(DIRECTION)
+    return encoder if way is None or encoder in symbols(way) else ""
 
 
 def winding_of(known: RelationSet) -> tuple[int, float]:

@@ -98,7 +98,7 @@ class ResidualBank:
         current = rows.current
         self._current = relations.signals.index(current) if current in relations.signals else -1
         self._untold = self._current >= 0 and any(row.name == HELD for row in rows.modes)
-        self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
+        self.has_encoder = self._layout.encoder >= 0 and parameters.encoder_m_per_rad != 0.0
         self._reads = [self._read_by(row.needs) for row in rows.parities]
 
     def step(
@@ -241,7 +241,7 @@ class ResidualBank:
         columns = value, first, _ = _columns(smooth)
         x = self._measured(columns)
         x[len(x) - len(self._relations.shapes) :] = self._shapes(x)
-        # The encoder where there is one: then a position fault does not touch the speed.
+        # The encoder where the direction is by one: a position fault does not touch the speed.
         speed, rate = self._speeds(value, first)
         way, moving = self._way(len(rows), x, (speed, rate))
         if self._layout.direction >= 0:
@@ -268,8 +268,13 @@ class ResidualBank:
         push, dry = self._relations.functions["drag"](self._p, x)
         stands = ~moving & (abs(speed) <= self._moving_m_s)  # and not: no speed is known
         stalled = self._rests(stands) & (abs(push) > STALL * dry)
-        way = np.where(stalled, np.copysign(1.0, push), direction(self._p, speed))
+        way = np.where(stalled, np.copysign(1.0, push), self._direction(x, speed))
         return float(way[0]) if count == 1 else way, moving | stalled
+
+    def _direction(self, x: list[Value], speed_m_s: Value) -> Value:
+        """Smooth sign of the speed: a shape where a relation holds it."""
+        place = self._layout.direction
+        return x[place] if place >= 0 else direction(self._p, speed_m_s)
 
     def _rests(self, stands: Flags) -> Flags:
         """Whether it has stood for longer than the kernel is: a reversal is no standstill."""

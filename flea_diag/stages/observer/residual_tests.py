@@ -84,7 +84,7 @@ class ResidualTests:
         if residuals.doubt is not None:
             growth = residuals.doubt if growth is None else growth * residuals.doubt
         leverage = place.leverage()
-        shift = self._mean_shift.input(len(near), leverage, place.loads)
+        shift = self._mean_shift.input(len(near), leverage, place.loads, near.moved)
         results = self._z_tests.step(near, growth, shift)
         results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
@@ -101,7 +101,9 @@ class ResidualTests:
         if factor is None:
             return rows
         spread = rows.spread / factor[:, self._known.spreading, None]
-        return ResidualRows(rows.values / factor, spread, rows.signals, rows.motion, rows.moving)
+        moved = None if rows.moved is None else rows.moved / factor
+        values, signals, motion = rows.values / factor, rows.signals, rows.motion
+        return ResidualRows(values, spread, signals, motion, rows.moving, moved=moved)
 
     def forget(self, columns: list[int]) -> None:
         """Empty the windows of these residuals."""

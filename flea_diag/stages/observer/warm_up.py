@@ -126,11 +126,13 @@ class RunWatch:
         frozen: bool,
     ) -> int:  # fmt: skip
         """Take n scans and drop what is not judged; the first scan that changes that, or n."""
-        learning = self._learning
+        learning, refined = self._learning, self._learning.refined
         self.told = False
         if self._since_ns == NEVER_NS:
             self._since_ns = int(stamps_ns[0])
         slopes = self._terms.of_scans(parameters, residuals.signals)
+        if refined.any():
+            residuals.moved = self._moved(slopes, residuals.motion[:, 1], refined)
         values = residuals.values[:, self._terms.columns]
         moving = residuals.moving.tolist()
         for scan in range(len(stamps_ns)):
@@ -145,6 +147,16 @@ class RunWatch:
         if learning.has_own:
             residuals.doubt = self._doubt(slopes)
         return len(stamps_ns)
+
+    def _moved(self, slopes: Array, way: Array, refined: Array) -> Array:
+        """What values that were made more exact have moved, shape (n, residuals)."""
+        found = np.zeros((len(slopes), len(self._known.rows)))
+        for place, name in enumerate(self._terms.relations):
+            by = slopes[:, place, : len(refined)] @ refined
+            for column in self._known.of_relation(name):
+                is_raw = column in self._terms.columns
+                found[:, column] = by if is_raw else np.copysign(1.0, way) * by
+        return found
 
     def _doubt(self, slopes: Array) -> Array:
         """Variance of each residual, shape (n, residuals), in times what was calibrated."""

@@ -66,10 +66,9 @@ def residuals_of(rows: np.ndarray) -> ResidualRows:
 
 def part_of(residuals: ResidualRows, part: slice) -> ResidualRows:
     """Some of the scans; no reading is missing in them."""
-    assert residuals.noise is None
-    assert residuals.doubt is None
-    names = (name for name in ResidualRows.__slots__ if name not in ("noise", "doubt"))
-    return ResidualRows(*(getattr(residuals, name)[part] for name in names))
+    every = {name: getattr(residuals, name) for name in ResidualRows.__slots__}
+    assert {name for name, of in every.items() if of is None} == {"noise", "doubt", "moved"}
+    return ResidualRows(**{name: of[part] for name, of in every.items() if of is not None})
 
 
 @cache

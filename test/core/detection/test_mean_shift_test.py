@@ -211,6 +211,19 @@ def test_in_an_episode_of_a_reading_that_errs_a_shift_goes_on_to_speak():
     assert found.deviating()[-1, ELECTRICAL]
 
 
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+def test_what_a_more_exact_value_moves_is_no_shift(backend):
+    """A value of this run: its residual is another from then on, the unit is not."""
+    if backend == "numba":
+        pytest.importorskip("numba")
+    for moved, is_shift in ((2.0, False), (0.0, True)):
+        test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, backend, counts=FLEA_COUNTS)
+        step(test, rows(np.zeros(1000)), alone=False)
+        later = rows(np.full(300, 2.0))
+        later.moved = np.full_like(later.values, moved)
+        assert step(test, later, alone=False).deviating()[-1, ELECTRICAL] == is_shift
+
+
 def alternating(count: int, share: float, mean: float = 0.0) -> ResidualRows:
     """Forces in proportion to a current that changes its sign twice a second."""
     made = rows(np.zeros(count))

@@ -22,7 +22,9 @@ from support.models import linear_ema as ema
 from support.observed import FLEA_COUNTS, flea_parameters
 
 from flea_diag.configuration import description
+from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_bank import ResidualBank
 
@@ -255,6 +257,36 @@ def test_a_reversal_is_no_standstill():
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
     assert not found.moving[31:][still].any()
+
+
+@pytest.mark.parametrize("block", [1, 500])
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+def test_the_motion_is_by_the_reading_that_friction_holds(backend, block):
+    """That of the joint holds the slope of its position, in which no error of the speed is."""
+    if backend == "numba":
+        pytest.importorskip("numba")
+    known = compiled_relations(str(load_stand("joint").actuator))
+    true = learned(load_stand("joint")).parameters
+    t = np.minimum(0.01 * np.arange(500), 4.0)  # it stands for the last second
+    rows = np.zeros((500, len(known.residuals.channels)))
+    rows[:, known.residuals.channel("actuator_position")] = 2.0 - np.cos(np.pi * t)
+    found = []
+    for speed in (0.0, 30.0):
+        rows[:, known.residuals.channel("motor_speed")] = speed
+        bank = ResidualBank(
+            true, known, backend=backend, period_s=0.01, counts=FLEA_COUNTS, most_supplied={}
+        )
+        parts = [bank.step(rows[i : i + block], frozen=False) for i in range(0, 500, block)]
+        motion = np.concatenate([part.motion for part in parts])[31:]
+        found.append((motion, np.concatenate([part.moving for part in parts])[31:]))
+    (motion, moving), other = found
+    assert motion.tobytes() == other[0].tobytes()
+    assert moving.tobytes() == other[1].tobytes()
+    slope = np.pi * np.sin(np.pi * t)[31 - DELAY : -DELAY]
+    clear = np.abs(slope) > 1.0
+    assert (np.sign(slope) * motion[:, 1] > 0.9)[clear].all()
+    assert moving[clear].all()
+    assert not moving[-40:].any()
 
 
 @pytest.mark.slow
