@@ -35,7 +35,7 @@ single ones give the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +94,14 @@ class CoefficientShift:
 
     def freeze(self) -> None:
         """Hold every window against what has come before it until now."""
-        self._frozen = self._before(len(self._sums) - 1 - self._bins)
+        self.thaw(rolls=False)
+
+    def thaw(self, rolls: bool) -> None:
+        """Hold every window against what comes before it, or from now on as ``freeze``."""
+        if rolls:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = self._before(len(self._sums) - 1 - self._bins)
 
     def step(self, rows: Array, use: Flags) -> Array:
         """Z after each of n scans, and the shift in the unit of the residual, signed as b y is now.
@@ -250,6 +257,11 @@ class CoefficientTests:
         for group in self._groups:
             group.shift.freeze() if opened else group.shift.clear()
 
+    def thaw(self, columns: Collection[int]) -> None:
+        """In an episode: go on with the levels of these residuals."""
+        for group in self._groups:
+            group.shift.thaw(group.column in columns)
+
 
 def neglected_by(loads: Array, weights: Array) -> Array:
     """What a residual neglects may follow each load, shape (n, loads)."""
@@ -301,8 +313,8 @@ class _Group:
         self._neglected = neglected
         seen = [ranges.get(term.channel, (-np.inf, np.inf)) for term in terms]
         self._low, self._high = np.array(seen).T
-        self.terms, self._column = terms, known.place[terms[0].residual]
-        self._place = known.spreading.index(self._column)
+        self.terms, self.column = terms, known.place[terms[0].residual]
+        self._place = known.spreading.index(self.column)
         self._units = list(terms[0].units)
         self._tolerance = np.array(tolerance)[self._units]
         self._signals = [term.signal for term in terms]
@@ -325,17 +337,17 @@ class _Group:
         spread = rows.spread[:, self._place]
         learned = summed_in_order(spread * change)
         readings = rows.signals[:, self._signals]
-        moved = 0.0 if rows.moved is None else rows.moved[:, self._column]
+        moved = 0.0 if rows.moved is None else rows.moved[:, self.column]
         made = coefficient_rows(
             self.terms,
             spread[:, self._units] * self._tolerance,
             neglected_by(loads, self._neglected),
             supplied,
-            rows.values[:, self._column] - moved - learned,
+            rows.values[:, self.column] - moved - learned,
             rows.signals,
         )
         seen = (self._low <= readings) & (readings <= self._high)
         use = rows.moving & seen.all(axis=1)
         if leverage is not None:
-            use = use & (leverage[:, self._column] <= 0.0)
+            use = use & (leverage[:, self.column] <= 0.0)
         return self.shift.step(made, use & np.isfinite(made).all(axis=1))

@@ -152,9 +152,17 @@ class MeanShift:
 
     def freeze(self) -> None:
         """Compare every window with the present earlier level from now on."""
-        for each, end in enumerate(self._ends.tolist()):
-            self._frozen[each] = self._earlier(each, end - 1 - self.windows)
-        self._is_frozen[:] = True
+        self.thaw([False] * len(self._ends))
+
+    def thaw(self, rolls: Sequence[bool]) -> None:
+        """Compare windows of each residual with what is before them, or from now on as ``freeze``.
+
+        What is frozen already keeps the level that it has.
+        """
+        for each, (end, roll) in enumerate(zip(self._ends.tolist(), rolls, strict=True)):
+            if not (roll or self._is_frozen[each]):
+                self._frozen[each] = self._earlier(each, end - 1 - self.windows)
+            self._is_frozen[each] = not roll
 
     def step(self, values: Array, use: Flags) -> Array:
         """Shifts after each of n scans, shape (n, residuals, windows, columns).

@@ -28,7 +28,7 @@ without a sign (``symbols.ANY``).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -138,6 +138,12 @@ class MeanShiftTest:
         self._level.freeze() if opened else self._level.clear()
         if self._coefficients:
             self._coefficients.turn(opened)
+
+    def thaw(self, columns: Collection[int]) -> None:
+        """In an episode: go on with the levels of these residuals, and with no others."""
+        self._level.thaw([column in columns for column in self._columns.tolist()])
+        if self._coefficients:
+            self._coefficients.thaw(columns)
 
     def input(
         self,

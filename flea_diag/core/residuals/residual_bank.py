@@ -22,7 +22,7 @@ bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -130,6 +130,10 @@ class ResidualBank:
             for column in self._fine:
                 formed.leave_out(formed.noise[:, column] > 1.0, [column])
         return formed
+
+    def thaw(self, columns: Collection[int]) -> None:
+        """Let what these residuals predict follow its sensor, whatever is frozen."""
+        self._stores.thaw(columns)
 
     def _read_by(self, needs: Sequence[str]) -> tuple[list[int], list[int]]:
         """Orders of derivative and channels that a residual with these needs reads."""

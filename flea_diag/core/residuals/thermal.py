@@ -30,7 +30,7 @@ what the encoder holds heats a nut without a fault of its thermometer.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -51,8 +51,9 @@ CORRECTION_S = 15.0
 STRANGE = 0.1
 """Share of the largest supply seen that may come from beyond the ranges of the recordings."""
 
-ESTIMATE, SUM, STARTED, SAMPLES, LAST, UNSURE = range(6)
-"""Places in the state of a store; the last known |supply|, and by what the estimate may be off."""
+ESTIMATE, SUM, STARTED, SAMPLES, LAST, UNSURE, FOLLOWS = range(7)
+"""Places in the state of a store; the last known |supply|, by what the estimate may be off, and
+whether it follows its sensor where others are frozen."""
 CHANNEL, RESIDUAL, NEIGHBOURS = 0, 1, 2
 """Places of a store's reading and of its residual in their rows; from the third on, neighbours."""
 MOST, NOISE = range(2)
@@ -85,7 +86,7 @@ def advance(
             rate -= rates[k] * (store[ESTIMATE] - around)
     residual: float = measured - store[ESTIMATE]
     store[ESTIMATE] += dt_s * rate
-    corrected = not frozen and not math.isnan(residual)
+    corrected = not (frozen and store[FOLLOWS] == 0.0) and not math.isnan(residual)
     if corrected:
         store[ESTIMATE] += residual * dt_s / CORRECTION_S
     if known:
@@ -103,7 +104,7 @@ def advance(
 class PredictedStores(NamedTuple):
     """The predicted stores of one relation set, a row each, as ``bank_loops`` takes them.
 
-    ``states``, shape (stores, 6); ``places``, shape (stores, 2 + neighbours); ``rates``, shape
+    ``states``, shape (stores, 7); ``places``, shape (stores, 2 + neighbours); ``rates``, shape
     (stores, neighbours), of the exchange; ``bounds``, shape (stores, 2).
     """
 
@@ -135,7 +136,7 @@ class PredictedStores(NamedTuple):
                     f" name is tested, known are {', '.join(residuals)}"
                 )
             row[:] = channels[store.channel], residuals[store.name], *around
-        states = np.zeros((len(places), 6))
+        states = np.zeros((len(places), 7))
         states[:, ESTIMATE], states[:, SAMPLES] = math.nan, start_samples
         bounds = np.tile([0.0, math.inf], (len(places), 1))
         if most is not None:
@@ -146,6 +147,10 @@ class PredictedStores(NamedTuple):
     def adopt(self, known: RelationSet, parameters: Any) -> None:
         """Use the rates of exchange of these parameters."""
         self.rates[:] = known.exchange_rates(parameters)
+
+    def thaw(self, columns: Collection[int]) -> None:
+        """Let stores with these residuals follow their sensors, whatever is frozen; no others."""
+        self.states[:, FOLLOWS] = np.isin(self.places[:, RESIDUAL], list(columns))
 
     def follow(
         self, rows: Array, supplies: Sequence[Any], dt_s: float, frozen: bool, values: Array

@@ -44,6 +44,10 @@ from flea_diag.wire.records import (
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
+THAW_S = 30.0
+"""Time after a detection from which what has not deviated goes on: a prediction strays by itself
+while a housing warms, and so does what is held against a level of before. What a fault heats at
+once has shown."""
 QUIET = 0.7
 """A test below this share of its limit is quiet."""
 
@@ -68,6 +72,18 @@ class DetectionEpisode:
         self._symbols: dict[int, SymbolState] = {}
         self._opened_by: frozenset[int] = frozenset()
         self._quiet_since_ns = NEVER_NS
+        self._has_thawed = False
+
+    def thaws(self, stamps_ns: Stamps) -> Flags:
+        """Whether what has not deviated goes on, at each of n scans."""
+        if self.episode is None:
+            return np.zeros(len(stamps_ns), dtype=bool)
+        return np.asarray(stamps_ns - self.episode.detected_ns >= THAW_S * 1e9)
+
+    @property
+    def deviated(self) -> frozenset[int]:
+        """Columns of the residuals that have symbols."""
+        return frozenset(self._symbols)
 
     def take_over(self, opened_ns: int, number: int) -> Detection:
         """Continue an episode opened before this observer was started.
@@ -93,6 +109,8 @@ class DetectionEpisode:
             # One without a sign takes the first; every other one stays.
             happens[:, j] &= results.signed(j) if state.magnitude == symbols.ANY else False
         event = np.any(happens, axis=1)
+        if not self._has_thawed:
+            event |= self.thaws(stamps_ns)
         if self.episode.taken_over:
             return _first(event)
         for j, state in self._symbols.items():
@@ -112,6 +130,7 @@ class DetectionEpisode:
         deviating = results.deviating()[0]
         if self.episode is None:
             return self._open(stamp_ns, results, deviating) if np.count_nonzero(deviating) else ()
+        self._has_thawed = bool(self.thaws(np.array([stamp_ns]))[0])
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & self._isolating).tolist():
             seen, signed = self._symbols.get(j), j not in results.along

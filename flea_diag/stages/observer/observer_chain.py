@@ -58,6 +58,7 @@ class ObserverChain:
         rows = effects.residuals
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
         self.episode = self._detection()
+        self._every = frozenset(range(len(effects.residuals.rows)))
         self._unit = UnitChange()
         columns = RegressorTable(effects, calibration.parameters).rows
         self._search = WiringSearch(effects, calibration, columns)
@@ -129,6 +130,9 @@ class ObserverChain:
         found: tuple[Record, ...] = self.episode.step(stamp_ns, output.results)
         if self.stream.conditions.begins is not None:
             found += self.episode.take_back(stamp_ns, self.stream.conditions.begins)
+        if self.episode.is_open:
+            thaws = bool(self.episode.thaws(block.stamps_ns)[0])
+            self.stream.thaw(self._every - self.episode.deviated if thaws else ())
         return found
 
     @property

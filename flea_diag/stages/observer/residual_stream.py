@@ -20,7 +20,7 @@ Each step is a file of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -229,6 +229,11 @@ class ResidualStream:
             self._count_lost(np.zeros(len(rows), dtype=bool))
         output.regressors[:, self._regressors.jumps] = self._jumps.step(given)
         return output
+
+    def thaw(self, columns: Collection[int]) -> None:
+        """In an episode: predictions and levels of these residuals go on from the next scan on."""
+        self._bank.thaw(columns)
+        self._tests.thaw(columns)
 
     def _lose(self, before_ns: int, count: int, frozen: bool) -> None:
         """Take lost scans as scans without a reading, of which no record is made.

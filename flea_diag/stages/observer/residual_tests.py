@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import numpy.typing as npt
 
@@ -128,6 +130,10 @@ class ResidualTests:
         self._z_tests.forget(self._innovations if opened else range(len(self._known.rows)))
         self._mean_shift.turn(opened, by is not None and self._are_of_sensors(by))
 
+    def thaw(self, columns: Collection[int]) -> None:
+        """In an episode: go on with the levels of these residuals, and with no others."""
+        self._mean_shift.thaw(columns)
+
     def _are_of_sensors(self, results: TestResults) -> bool:
         """Whether what deviates after the last scan is what faults of sensors alone move."""
         deviating = results.deviating()[-1].nonzero()[0].tolist()
@@ -191,3 +197,6 @@ def _between(calibration: Calibration) -> dict[str, float]:
     """
     limits = (calibration.limit(shift.name) for shift in calibration.mean_shifts)
     return {row.name: max(max(w.sigma) for w in row.windows) ** 2 for row in limits if row}
+
+    def thaw(self, columns: Collection[int]) -> None:
+        """Nothing is frozen."""
