@@ -32,7 +32,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
-from flea_diag.core.isolation.pair_clues import BEHIND_NATS, Alone, Clues
+from flea_diag.core.isolation.pair_clues import Alone, Clues
 from flea_diag.core.isolation.pair_gains import pair_gains
 from flea_diag.core.isolation.pair_models import Death, Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
@@ -89,7 +89,7 @@ class FaultPairs:
                 asked += [(one, two) for one in first for two in second]
         gains = pair_gains(sums, columns, asked, weighing)
         alone = max((row.nats for row in gains if row.other == 0), default=math.inf)
-        return bool(gains) and gains[0].nats - alone >= BEHIND_NATS
+        return bool(gains) and gains[0].nats - alone >= clues.behind_nats
 
     def search(
         self,

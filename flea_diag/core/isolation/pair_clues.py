@@ -36,8 +36,10 @@ SECOND_NATS = 10.0
 """Price of a second fault: in one of 20 000 episodes another comes up within the same minutes."""
 BEHIND_NATS = 50.0
 """What a second fault must add to one that leaves no more than healthy recordings show, beside
-``KNOWN`` squared: the model of a fault may lack as much. Of 281 single faults on the simulated
-machines the worst was 22 behind a pair, apart from temperatures."""
+``KNOWN`` squared, in ``BEHIND_S`` of evidence: the model of a fault may lack as much. Of 281 single
+faults on the simulated machines the worst was 22 behind a pair, apart from temperatures."""
+BEHIND_S = 30.0
+"""As long those were followed. What a model lacks comes again with each stroke."""
 SEEN_NATS = 3.0
 """What it must add where a deviation asks for it that the other does not predict."""
 
@@ -60,6 +62,8 @@ class Clues:
         Faults that are left: no pair holds that adds too little to one of them.
     slow
         Relations that predict a slow store of the unit, as a temperature.
+    followed_s
+        Time for which faults that began then have been followed.
     is_possible
         Whether a fault of a fitted size is, by what its reading did at the onset.
     """
@@ -71,6 +75,12 @@ class Clues:
     is_possible: Callable[[Fault, Fit], bool]
     rivals: Collection[str] = ()
     slow: frozenset[str] = frozenset()
+    followed_s: float = 0.0
+
+    @property
+    def behind_nats(self) -> float:
+        """What a second fault must add to one that leaves no more than healthy recordings show."""
+        return BEHIND_NATS * max(1.0, self.followed_s / BEHIND_S)
 
     @property
     def is_suspected(self) -> bool:
@@ -121,7 +131,7 @@ class Clues:
         if any(moved_by([model]) <= unsure for model in others):
             return asked
         there = min(alone.nats, sum(shown.get(name, 0.0) for name in moved_by(others)))
-        return min(asked, BEHIND_NATS + KNOWN**2 * max(there, 0.0))
+        return min(asked, self.behind_nats + KNOWN**2 * max(there, 0.0))
 
 
 @dataclass(frozen=True, slots=True)

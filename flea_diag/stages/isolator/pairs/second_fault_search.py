@@ -253,4 +253,6 @@ class SecondFaultSearch:
         rivals = self._known(left) if unasked or start is None else ()
         rivals = tuple(name for name in rivals if name in predicted)
         slow = frozenset(episode.residuals.of_unit)
-        return Clues(predicted, isolation.seen, weighed, firsts, is_possible, rivals, slow)
+        return Clues(
+            predicted, isolation.seen, weighed, firsts, is_possible, rivals, slow, followed_s
+        )
