@@ -152,10 +152,11 @@ class DetectionEpisode:
     def _quiet_ns(self, stamps_ns: Stamps, results: TestResults) -> Stamps:
         """Time (ns) for which all tests had been quiet at each scan; -1 where one is not.
 
-        What has deviated and has no value, as of a reading that is refused, is not quiet.
+        What has deviated and is tested at rest, too, is not quiet where its reading is refused.
         """
         loud: Flags = np.any(np.abs(results.z) > QUIET * results.k, axis=1) | results.void
-        loud |= np.isnan(results.z[:, list(self._symbols)]).any(axis=1)
+        read = [j for j in self._symbols if self._rows[j].gate == "always"]
+        loud |= np.isnan(results.z[:, read]).any(axis=1)
         # Quiet time counts from the first quiet scan after one that was not.
         begins = np.append(self._quiet_since_ns < 0, loud[:-1])
         begun = np.where(begins, stamps_ns, self._quiet_since_ns)

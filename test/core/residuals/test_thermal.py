@@ -34,7 +34,7 @@ MOST, NOISE = 0.05, 0.1
 
 def node(cooling_s: float = 800.0, start_samples: int = 2) -> PredictedStores:
     """One store whose rows hold its reading and that of the air; its residual comes first."""
-    state = np.array([[math.nan, 0.0, 0.0, start_samples, 0.0, 0.0]])
+    state = np.array([[math.nan, 0.0, 0.0, start_samples, 0.0, 0.0, 0.0]])
     rates, bounds = np.array([[1.0 / cooling_s]]), np.array([[MOST, NOISE]])
     return PredictedStores(state, np.array([[0, 0, 1]]), rates, bounds)
 
@@ -109,7 +109,9 @@ def test_it_waits_for_its_first_readings():
 
 def test_every_store_follows_its_own_neighbours_in_one_row():
     """Two bodies that exchange heat with each other alone meet in the middle."""
-    states = np.array([[60.0, 60.0, 1.0, 1.0, 0.0, 0.0], [20.0, 20.0, 1.0, 1.0, 0.0, 0.0]])
+    states = np.array(
+        [[60.0, 60.0, 1.0, 1.0, 0.0, 0.0, 0.0], [20.0, 20.0, 1.0, 1.0, 0.0, 0.0, 0.0]]
+    )
     places, bounds = np.array([[0, 0, 1], [1, 1, 0]]), np.full((2, 2), MOST)
     made = PredictedStores(states, places, np.full((2, 1), 0.5), bounds)
     for _ in range(2000):
