@@ -43,7 +43,7 @@ PIECES = 60
 """How many are kept: an error came up within a minute, even if the actuator has rested since."""
 WATCHED_S = 4.0
 """Time in motion before the detection in which an error came up, as long as the longest window of a
-test: what began before that would have been detected."""
+test: what began before that would have been detected, if what told it had a value."""
 SEEN_SHARE = 0.9
 """A reading whose jumps range over less than this share of an error has not taken it on: what a
 fitted size is off by, is less. An assumption."""
@@ -68,11 +68,14 @@ class Jump:
 
 @dataclass(frozen=True, slots=True)
 class JumpPiece:
-    """Largest jumps up and down, and shares, of some scans; their last stamp, scans in motion."""
+    """Largest jumps up and down, and shares, of some scans; their last stamp.
+
+    ``moving``: scans in motion in which each residual had a value; the last: in motion.
+    """
 
     largest: Array
     until_ns: int
-    moving: int
+    moving: Array
 
 
 class JumpMemory:
@@ -81,36 +84,44 @@ class JumpMemory:
     ``names``: signals, then the jumps of ``readings`` and, last, whether it moves.
     """
 
-    def __init__(self, names: Sequence[str], readings: Sequence[str], counts: ScanCounts) -> None:
+    def __init__(
+        self, names: Sequence[str], readings: Sequence[str], residuals: Sequence[str],
+        counts: ScanCounts,
+    ) -> None:  # fmt: skip
         self._readings = tuple(readings)
+        self._columns = {name: column for column, name in enumerate(residuals)}
         self._places = [names.index(name) for name in readings]
         self._jumps = slice(len(names), len(names) + len(readings))
         self._lost_ns = LOST_PERIODS * counts.period_s * 1e9
         self._watched = counts.of(WATCHED_S)
         self._rows = np.empty((counts.of(PIECE_S), len(names) + len(readings) + 2))
+        self._values = np.empty((len(self._rows), len(residuals)))
         self._stamps_ns = np.zeros(1 + len(self._rows), dtype=np.int64)
         self._pieces: deque[JumpPiece] = deque(maxlen=PIECES)
         self._count = 0
-        self._singly: list[tuple[int, Row]] = []
+        self._singly: list[tuple[int, Row, Row]] = []
 
-    def add_scan(self, stamp_ns: int, row: Row) -> None:
+    def add_scan(self, stamp_ns: int, row: Row, values: Row) -> None:
         """``add`` for one scan, which waits for the others of its piece."""
-        if len(row) != self._rows.shape[1]:
+        if len(row) != self._rows.shape[1] or len(values) != self._values.shape[1]:
             return
-        self._singly.append((stamp_ns, row))
+        self._singly.append((stamp_ns, row, values))
         if self._count + len(self._singly) == len(self._rows):
             self._take_waiting()
 
     def _take_waiting(self) -> None:
         if self._singly:
-            stamps_ns, rows = zip(*self._singly, strict=True)
+            stamps_ns, rows, values = zip(*self._singly, strict=True)
             self._singly = []
-            self.add(stamps_ns, rows)
+            self.add(stamps_ns, rows, values)
 
-    def add(self, stamps_ns: Sequence[int] | Stamps, rows: Sequence[Row] | Array) -> None:
-        """Take the regressors of n >= 1 scans; those without jumps, of older bags, say nothing."""
+    def add(
+        self, stamps_ns: Sequence[int] | Stamps, rows: Sequence[Row] | Array,
+        values: Sequence[Row] | Array,
+    ) -> None:  # fmt: skip
+        """Take regressors and residuals of n >= 1 scans; those of older bags say nothing."""
         self._take_waiting()
-        if len(rows[0]) != self._rows.shape[1]:
+        if len(rows[0]) != self._rows.shape[1] or len(values[0]) != self._values.shape[1]:
             return
         if not self._stamps_ns[0]:
             self._stamps_ns[0] = stamps_ns[0]
@@ -119,6 +130,7 @@ class JumpMemory:
             end = min(start + len(self._rows) - self._count, len(rows))
             here = slice(self._count, self._count + end - start)
             self._rows[here], self._stamps_ns[1:][here] = rows[start:end], stamps_ns[start:end]
+            self._values[here] = values[start:end]
             start, self._count = end, here.stop
             if self._count == len(self._rows):
                 self._pieces.append(self._piece())
@@ -134,19 +146,22 @@ class JumpMemory:
         largest = np.maximum.reduce(np.stack((jumps, -jumps, shares, -shares)), axis=1)
         if (np.diff(stamps_ns) > self._lost_ns).any():
             largest[:] = np.nan
-        return JumpPiece(largest, int(stamps_ns[-1]), int((rows[:, -1] > 0.5).sum()))
+        known = np.column_stack((~np.isnan(self._values[: self._count]), np.ones(self._count)))
+        return JumpPiece(largest, int(stamps_ns[-1]), (rows[:, -1] > 0.5) @ known)
 
-    def largest(self, detected_ns: int, until_ns: int) -> Mapping[str, Jump]:
+    def largest(self, detected_ns: int, until_ns: int, told: str = "") -> Mapping[str, Jump]:
         """Of each reading the jumps by which an error may have begun until then.
 
-        None if too little is known before the detection.
+        ``told``: the residual that has deviated first, if one has: while it had no value, the error
+        went unseen. None if too little is known before the detection.
         """
         self._take_waiting()
         pieces = [*self._pieces, self._piece()] if self._count else list(self._pieces)
-        before, near = 0, len(pieces)
+        column = self._columns.get(told, -1)
+        before, near = 0.0, len(pieces)
         while near and before < self._watched:
             near -= 1
-            before += pieces[near].moving if pieces[near].until_ns <= detected_ns else 0
+            before += pieces[near].moving[column] if pieces[near].until_ns <= detected_ns else 0
         if before < self._watched:
             return {}
         end = sum(piece.until_ns <= until_ns for piece in pieces) + 1

@@ -24,7 +24,6 @@ from flea_diag.core.evidence.fault_evidence import OnsetWeighed, StreamHistory
 from flea_diag.core.evidence.hypothesis_bank import ONSET_WINDOWS
 from flea_diag.core.evidence.stream_windows import LawWindow
 from flea_diag.core.isolation.detectability import unseen
-from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.evidence.evidence_detection import EvidenceKnowledge
@@ -38,6 +37,7 @@ from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.likelihood_method import (
     evidence_of_scans,
     isolation_of,
+    jump_memory,
     query_of,
     require_jumps,
 )
@@ -72,8 +72,7 @@ class EvidenceMethod:
         """A new stream begins."""
         self._columns, self._history = self._e.columns(), StreamHistory()
         self._stamps, self._sensors = WindowStamps(), SensorModes(self._e.sensors)
-        effects, counts = self._k.effects, self._k.calibration.counts
-        self._jumps = JumpMemory(effects.names, effects.readings, counts)
+        self._jumps = jump_memory(self._k)
         self._begun, self._last_ns = 0, -1
         self._was_open = self._exchanged = False
 
@@ -166,7 +165,8 @@ class EvidenceMethod:
         if len(block) and int(block.stamps_ns[0]) <= self._last_ns:
             self._renew()
         if len(block):
-            self._jumps.add(block.stamps_ns, block.regressors[:, self._jump_columns])
+            rows = block.regressors[:, self._jump_columns]
+            self._jumps.add(block.stamps_ns, rows, block.values)
         begun = 0
         for number, window in self._columns.add(block):
             self._sensors.take(block, slice(begun, number + 1))

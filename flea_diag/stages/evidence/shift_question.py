@@ -120,7 +120,7 @@ class ShiftQuestion:
         later = list(rest)
         if found is not None and later:
             for window in later:
-                self._take(found, window)
+                stream.take(window)
             found = stream.told(found.change)
         # What began before the shift may look like another unit, too: it is no answer to this.
         if found is None and stream.other_unit > 0 and not stream.is_weighing:

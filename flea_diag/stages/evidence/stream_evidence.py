@@ -109,12 +109,17 @@ class StreamEvidence:
         self.begun, self._changed = self.history.taken, None
         self._bank = HypothesisBank(self.hypotheses, self.begun)
 
-    def add(self, window: LawWindow) -> Found | None:
-        """Take one window; a fault, once one is found."""
+    def take(self, window: LawWindow) -> None:
+        """Take one window, of which nothing is asked."""
         self.history.add(window)
         self._bank.add(window)
         if self._changed is not None:
             self._changed.evidence.add(window)
+
+    def add(self, window: LawWindow) -> Found | None:
+        """Take one window; a fault, once one is found."""
+        self.take(window)
+        if self._changed is not None:
             return self.told(self._changed)
         if not self._bank.is_due or self._bank.windows <= ONSET_WINDOWS:
             return None

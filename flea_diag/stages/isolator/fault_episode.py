@@ -152,6 +152,11 @@ class FaultEpisode:
         return not self.symbols and not self.settled
 
     @property
+    def told_by(self) -> str:
+        """The residual that deviated first; empty: none has."""
+        return self.symbols[0][0] if self.symbols else ""
+
+    @property
     def relations_seen(self) -> set[str]:
         """Relations of the residuals that have deviated."""
         return {self.residuals.relation(name) for name, _, _ in self.symbols}

@@ -36,6 +36,7 @@ from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.isolator.verdict_record import VerdictRecord
+from flea_diag.stages.judgement.tested import tested_names
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import Residual
 
@@ -100,7 +101,15 @@ def require_jumps(
     if begins and not stand.is_early(detected_ns):
         # An episode that vibration opened says nothing of when the error came up.
         until_ns = stamp_ns if episode.shared.opened_by_vibration else detected_ns
-        episode.isolation.require_jumps(stamp_ns, jumps.largest(detected_ns, until_ns))
+        seen = jumps.largest(detected_ns, until_ns, episode.told_by)
+        episode.isolation.require_jumps(stamp_ns, seen)
+
+
+def jump_memory(knowledge: Knowledge) -> JumpMemory:
+    """The jumps of the readings of a stand, none of them known yet."""
+    effects, calibration = knowledge.effects, knowledge.calibration
+    tested = tested_names(effects.residuals, calibration)
+    return JumpMemory(effects.names, effects.readings, tested, calibration.counts)
 
 
 def evaluation_ends(episode: FaultEpisode, stamps_ns: Stamps) -> Iterator[int]:
@@ -145,8 +154,7 @@ class LikelihoodMethod:
     ) -> None:
         self._k, self._p = knowledge, parameters
         self._quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
-        effects, counts = knowledge.effects, knowledge.calibration.counts
-        self._jumps = JumpMemory(effects.names, effects.readings, counts)
+        self._jumps = jump_memory(knowledge)
         second = SecondFaultSearch(knowledge, parameters, self._quantitative, stand, self._jumps)
         self._evaluation = EpisodeEvaluation(
             self._quantitative, parameters, stand, self._jumps, second
@@ -175,13 +183,13 @@ class LikelihoodMethod:
 
     def pass_by(self, record: Residual, quiet: bool) -> None:
         """Jumps are remembered; the baseline of the unit is that of quiet scans."""
-        self._jumps.add_scan(record.stamp_ns, record.regressors)
+        self._jumps.add_scan(record.stamp_ns, record.regressors, record.values)
         if quiet:
             self._quantitative.learn_scan(record)
 
     def learn(self, block: ResidualBlock) -> None:
         """The same of many."""
-        self._jumps.add(block.stamps_ns, block.regressors)
+        self._jumps.add(block.stamps_ns, block.regressors, block.values)
         self._quantitative.learn(block)
 
     def looks(self, episode: FaultEpisode, block: ResidualBlock) -> Iterator[int]:
@@ -196,7 +204,7 @@ class LikelihoodMethod:
     def _add(self, episode: FaultEpisode, block: ResidualBlock) -> None:
         """Add scans, possibly none, to what is known of an episode."""
         if len(block):
-            self._jumps.add(block.stamps_ns, block.regressors)
+            self._jumps.add(block.stamps_ns, block.regressors, block.values)
         episode.evidence.add(block)
 
     def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> bool:

@@ -42,15 +42,30 @@ def rows(at: int = -1, jump: float = 50.0, moving: float = 1.0) -> np.ndarray:
     return found
 
 
-def remembered(content: np.ndarray, stamps_ns: np.ndarray = STAMPS_NS) -> JumpMemory:
-    memory = JumpMemory(NAMES, ("load_force",), COUNTS)
-    memory.add(stamps_ns, content)
+def empty() -> JumpMemory:
+    return JumpMemory(NAMES, ("load_force",), ("balance", "circuit"), COUNTS)
+
+
+def values(scans: int = SCANS, void: slice = slice(0)) -> np.ndarray:
+    """Residuals, of which the balance has no value for a while."""
+    found = np.zeros((scans, 2))
+    found[void, 0] = math.nan
+    return found
+
+
+def remembered(
+    content: np.ndarray, stamps_ns: np.ndarray = STAMPS_NS, void: slice = slice(0)
+) -> JumpMemory:
+    memory = empty()
+    memory.add(stamps_ns, content, values(len(content), void))
     return memory
 
 
-def largest(memory: JumpMemory, detected: int = 800, until: int = 800) -> Jump | None:
+def largest(
+    memory: JumpMemory, detected: int = 800, until: int = 800, told: str = ""
+) -> Jump | None:
     start_ns = int(STAMPS_NS[0])
-    found = memory.largest(start_ns + 10_000_000 * detected, start_ns + 10_000_000 * until)
+    found = memory.largest(start_ns + 10_000_000 * detected, start_ns + 10_000_000 * until, told)
     return found.get("load_force")
 
 
@@ -80,6 +95,16 @@ def test_those_count_from_before_a_rest():
     assert largest(memory, 1800, 1800).size == 49.5
 
 
+@pytest.mark.parametrize(("told", "size"), [("balance", 49.5), ("circuit", 0.0), ("", 0.0)])
+def test_those_count_since_which_what_told_it_had_no_value(told, size):
+    memory = remembered(rows(at=250), void=slice(400, 750))
+    assert largest(memory, told=told).size == size
+
+
+def test_nothing_is_known_while_what_told_it_had_no_value():
+    assert largest(remembered(rows(), void=slice(0, 750)), told="balance") is None
+
+
 def test_nothing_is_known_too_soon_at_rest_or_of_an_older_observer():
     assert not largest(remembered(rows()), 300)
     assert not largest(remembered(rows(moving=0.0)))
@@ -106,17 +131,17 @@ def test_what_is_more_than_a_minute_old_is_forgotten():
     memory = remembered(rows(at=700))
     assert largest(memory).size == 49.5
     for minute in range(1, 8):
-        memory.add(STAMPS_NS + minute * 10_000_000 * SCANS, rows(moving=0.0))
+        memory.add(STAMPS_NS + minute * 10_000_000 * SCANS, rows(moving=0.0), values())
     assert largest(memory, 7 * SCANS, 7 * SCANS) is None
 
 
 @given(st.lists(st.integers(1, SCANS - 1), max_size=6))
 def test_scans_may_come_in_blocks_of_any_size(cuts):
     content = rows(at=430)
-    memory = JumpMemory(NAMES, ("load_force",), COUNTS)
+    memory = empty()
     ends = [0, *sorted(set(cuts)), SCANS]
     for a, b in pairwise(ends):
-        memory.add(STAMPS_NS[a:b], content[a:b])
+        memory.add(STAMPS_NS[a:b], content[a:b], values(b - a))
     assert largest(memory) == largest(remembered(content))
 
 

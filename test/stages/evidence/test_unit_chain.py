@@ -77,7 +77,7 @@ def of_wing(seed: int, warmer_k: float = 0.0, **fault: Any) -> tuple[Record, ...
 
 def pipeline_of(stand: str) -> Pipeline:
     """With numpy where the relations of a stand are compiled longer than all its runs take."""
-    backend = "numpy" if stand == "wing" else "auto"
+    backend = "numpy" if stand in ("wing", "joint") else "auto"
     return make_pipeline(load_stand(stand), observer_backend=backend)
 
 
@@ -165,6 +165,21 @@ def test_a_jammed_unit_that_is_as_warm_is_found() -> None:
     detections, last = told(recorded(5018, fault="jam", size=1.0))
     assert any(d.detected for d in detections)
     assert {"jam"} <= {member.fault for member in last.members} <= {"jam", "ball_nut_friction"}
+
+
+def test_what_began_and_was_nothing_hides_no_later_window() -> None:
+    """A current read too small was another unit: the windows in between had gone unweighed."""
+    motion = {"kind": "triangle", "amplitude_m": 1.2814, "frequency_hz": 0.174}
+    run = SimulatedStand(scenario(
+        machine="joint", motion=motion | {"centre_m": 2.229}, load={"constant_n": 0.3},
+        duration_s=20.0, seed=1276603337, unit_seed=201, ambient_degc=21.9, warm_degc=5.9,
+        faults=[{"fault": "motor_current_scaling", "size": 0.8, "onset_s": 12.84}],
+    ))  # fmt: skip
+    records = tuple(r for r in run if isinstance(r, ChannelTable | Scan))
+    detections, last = told(records, "joint")
+    assert [d.detected for d in detections] == [True]
+    assert "motor_current_scaling" in {member.fault for member in last.members}
+    assert "unit exchanged" not in last.words
 
 
 @pytest.mark.parametrize("warmer_k", [15.0, -8.0])

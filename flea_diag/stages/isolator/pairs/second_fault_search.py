@@ -243,7 +243,7 @@ class SecondFaultSearch:
                 isolation.hypotheses[name].fault, symbols, moved, True, followed_s
             )
         }
-        jumps = self._jumps.largest(episode.shared.detected_ns, stamp_ns)
+        jumps = self._jumps.largest(episode.shared.detected_ns, stamp_ns, episode.told_by)
 
         def is_possible(fault: Fault, fit: Fit) -> bool:
             return fault.name in firsts or not missing_jump(fault, fit, jumps)
