@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,10 @@ import numpy.typing as npt
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.wire.records import AmbiguityGroup, Record, Scan, Truth, VibrationBlock
+from flea_sim_driver.scenario.library import find_scenario
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.scenario.settings import FaultSetting
 from flea_sim_driver.stand import SimulatedStand
 from support import stands
 
@@ -50,6 +53,19 @@ def last_verdict(stand: str = "", **values: Any) -> AmbiguityGroup:
     """What is said in the end of a run of these values, on a stand of this name."""
     pipeline = make_pipeline(load_stand(stand))
     sent = [record for record in records(**values) if not isinstance(record, Truth)]
+    return stands.verdict((*stands.said_in_blocks(pipeline, sent), *pipeline.finish()))
+
+
+def diagnosed(
+    machine: str, seed: int, motion: str, *faults: FaultSetting, lasts_s: float = 44.0
+) -> AmbiguityGroup:
+    """The last verdict on a run of a machine in one of its own scenarios."""
+    found = find_scenario(motion, machine)
+    run = replace(found.run, seed=seed, duration_s=lasts_s)
+    sensors = replace(found.sensors, vibration=False)
+    stand = SimulatedStand(replace(found, run=run, sensors=sensors, faults=faults))
+    sent = [record for record in stand if not isinstance(record, Truth)]
+    pipeline = make_pipeline(load_stand(machine))
     return stands.verdict((*stands.said_in_blocks(pipeline, sent), *pipeline.finish()))
 
 

@@ -113,3 +113,18 @@ def test_what_came_before_an_episode_does_not_follow_the_fault():
             shifts.freeze()
         last = shifts.step(rows[start : start + 1000], use)[-1, 0, 0]
     assert abs(last[2]) > 8.0
+
+
+@pytest.mark.parametrize("thaws", [False, True])
+def test_a_level_that_goes_on_in_an_episode_takes_the_shift_on(thaws: bool):
+    """As another unit's: here psi holds the reading."""
+    rows, use = recorded(24000, 0.4), np.ones(1000, dtype=bool)
+    rows[:, 0] = rows[:, 3]
+    shifts = level()
+    for start in range(0, 24000, 1000):
+        if start == 7000:
+            shifts.freeze()
+        if start == 16000:
+            shifts.thaw(rolls=thaws)
+        last = shifts.step(rows[start : start + 1000], use)[-1, 0, 0]
+    assert bool(np.abs(last).max() < 4.0) is thaws

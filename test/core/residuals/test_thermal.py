@@ -91,6 +91,19 @@ def test_frozen_is_blind_to_the_sensor():
     assert [step(made, 29.0, 0.0, 24.0, 0.01, frozen=True) for _ in range(500)] == [5.0] * 500
 
 
+def test_what_is_thawed_follows_the_sensor_whatever_is_frozen():
+    frozen, free = started(24.0), started(24.0)
+    frozen.thaw([0])
+    for _ in range(500):
+        told = [step(made, 29.0, 0.0, 24.0, 0.01, is_frozen)
+                for made, is_frozen in ((frozen, True), (free, False))]  # fmt: skip
+        assert told[0] == told[1]
+    frozen.thaw([])
+    kept = estimate_degc(frozen)
+    step(frozen, 29.0, 0.0, kept, 0.01, frozen=True)
+    assert estimate_degc(frozen) == kept
+
+
 def test_what_is_missing_neither_heats_nor_corrects():
     made = started(30.0)
     assert math.isnan(step(made, math.nan, math.nan, math.nan, 0.01, frozen=False))

@@ -15,22 +15,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from support import stands
 from support.models import linear_ema as ema
+from support.stand_runs import diagnosed
 
-from flea_diag.configuration.component import make_pipeline
-from flea_diag.configuration.stand import load_stand
-from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.messages.codec import decode, encode
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Detection, Outcome, Record, Scan
-from flea_sim_driver.scenario.library import find_scenario
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record
 from flea_sim_driver.scenario.settings import FaultSetting
-from flea_sim_driver.stand import SimulatedStand
 
 FIRST_S, SECOND_S = 10.0, 18.0
 
@@ -109,17 +104,6 @@ def test_what_a_dead_reading_hides_is_not_observable() -> None:
 def on_the_wing(*faults: FaultSetting) -> AmbiguityGroup:
     """The last verdict on a run of the aileron drive."""
     return diagnosed("wing", 24472, "nominal_trapezoid", *faults)
-
-
-def diagnosed(machine: str, seed: int, motion: str, *faults: FaultSetting) -> AmbiguityGroup:
-    """The last verdict on a run of a machine."""
-    found = find_scenario(motion, machine)
-    run = replace(found.run, seed=seed, duration_s=44.0)
-    sensors = replace(found.sensors, vibration=False)
-    stand = SimulatedStand(replace(found, run=run, sensors=sensors, faults=faults))
-    recorded = [r for r in stand if isinstance(r, (ChannelTable, Scan))]
-    kept = diagnose(iter(recorded), make_pipeline(load_stand(machine))).kept
-    return [group for group in kept if isinstance(group, AmbiguityGroup)][-1]
 
 
 @pytest.mark.slow
