@@ -186,6 +186,9 @@ class SensorTestsAlone:
     def turn(self, opened: bool, by: TestResults | None = None) -> None:
         """Nothing is armed."""
 
+    def thaw(self, columns: Collection[int]) -> None:
+        """Nothing is frozen."""
+
     def adopt(self, offsets: Offsets) -> None:
         """Nothing rests on offsets."""
 
@@ -197,6 +200,3 @@ def _between(calibration: Calibration) -> dict[str, float]:
     """
     limits = (calibration.limit(shift.name) for shift in calibration.mean_shifts)
     return {row.name: max(max(w.sigma) for w in row.windows) ** 2 for row in limits if row}
-
-    def thaw(self, columns: Collection[int]) -> None:
-        """Nothing is frozen."""
