@@ -33,6 +33,7 @@ from flea_diag.core.residual_values import ResidualRows
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.running_mean import summed_in_order
 from flea_diag.wire.records import FREE_PER_RUN, NEVER_NS, ChannelQuality, Quality
 
 Array = npt.NDArray[np.float64]
@@ -152,7 +153,7 @@ class RunWatch:
         """What values that were made more exact have moved, shape (n, residuals)."""
         found = np.zeros((len(slopes), len(self._known.rows)))
         for place, name in enumerate(self._terms.relations):
-            by = slopes[:, place, : len(refined)] @ refined
+            by = summed_in_order(slopes[:, place, : len(refined)] * refined)
             for column in self._known.of_relation(name):
                 is_raw = column in self._terms.columns
                 found[:, column] = by if is_raw else np.copysign(1.0, way) * by
