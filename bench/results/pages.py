@@ -92,7 +92,7 @@ PAGES = (
          "bound_wing", "healthy", "travel_wing", "units", "jam_ladder", "rates", "sensors",
          "foreign_hoist", "foreign_arm", "foreign_hoist_payload", "foreign_arm_payload",
          "foreign_hoist_bound", "foreign_arm_bound", "switches_wing", "contacts", "contacts_20ms",
-         "pairs"),
+         "pairs", "long_runs"),
     ),
     ResultPage(
         "remaining_life",
