@@ -25,10 +25,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from support import examples, stands
+from support import examples, stand_runs, stands
 from support.decisions import BAGS
 from support.models import linear_ema as ema
 
+from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import digest
@@ -232,3 +233,25 @@ def test_vibration_between_the_scans_changes_nothing(configuration):
     many += stage.finish()
     assert by_topic(one) == by_topic(many)
     assert {VibrationLevel, FeatureRequest, FeatureValue} <= {type(record) for record in one}
+
+
+@pytest.mark.parametrize("in_blocks", [False, True])
+def test_a_level_that_begins_anew_in_an_episode_is_frozen_by_no_scan(in_blocks: bool) -> None:
+    """A load cell is silent for 1.5 s after a resistance has risen: its balance begins anew."""
+    rises = {"fault": "winding_resistance_rise", "onset_s": 25.0, "size": 0.6}
+    run = stand_runs.records(duration_s=50.0, seed=5, faults=[rises])
+    sent = [record for record in run if isinstance(record, Scan)]
+    sent[4000:4150] = [blank(scan, "load_force") for scan in sent[4000:4150]]
+    pipeline = make_pipeline(load_stand())
+    say = stands.said_in_blocks if in_blocks else stands.feed
+    assert any(r.detected for r in stands.of(Detection, say(pipeline, sent)))
+    stream = pipeline._stages[0]._chain.stream
+    frozen = stream._tests._mean_shift._level._is_frozen
+    assert frozen.any()
+    assert not frozen.all()
+
+
+def blank(scan: Scan, channel: str) -> Scan:
+    """A scan without the reading of this channel."""
+    pairs = zip(scan.channels, scan.values, strict=True)
+    return replace(scan, values=tuple(np.nan if c == channel else v for c, v in pairs))

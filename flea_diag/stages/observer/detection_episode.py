@@ -57,6 +57,7 @@ class DetectionEpisode:
 
     def __init__(self, known: ResidualSet, rearm_after_s: float) -> None:
         self._rows, self._isolating = known.rows, known.isolating
+        self._every = frozenset(range(len(known.rows)))
         self._wait_ns = rearm_after_s * 1e9
         self._last_number = 0
         self.forget()
@@ -74,16 +75,15 @@ class DetectionEpisode:
         self._quiet_since_ns = NEVER_NS
         self._has_thawed = False
 
-    def thaws(self, stamps_ns: Stamps) -> Flags:
-        """Whether what has not deviated goes on, at each of n scans."""
-        if self.episode is None:
-            return np.zeros(len(stamps_ns), dtype=bool)
+    def _thaws(self, stamps_ns: Stamps) -> Flags:
+        """Whether what has not deviated goes on, at each of n scans of the open episode."""
+        assert self.episode is not None
         return np.asarray(stamps_ns - self.episode.detected_ns >= THAW_S * 1e9)
 
     @property
-    def deviated(self) -> frozenset[int]:
-        """Columns of the residuals that have symbols."""
-        return frozenset(self._symbols)
+    def goes_on(self) -> frozenset[int]:
+        """Columns of the residuals whose predictions and levels go on in the open episode."""
+        return self._every.difference(self._symbols) if self._has_thawed else frozenset()
 
     def take_over(self, opened_ns: int, number: int) -> Detection:
         """Continue an episode opened before this observer was started.
@@ -110,7 +110,7 @@ class DetectionEpisode:
             happens[:, j] &= results.signed(j) if state.magnitude == symbols.ANY else False
         event = np.any(happens, axis=1)
         if not self._has_thawed:
-            event |= self.thaws(stamps_ns)
+            event |= self._thaws(stamps_ns)
         if self.episode.taken_over:
             return _first(event)
         for j, state in self._symbols.items():
@@ -130,7 +130,7 @@ class DetectionEpisode:
         deviating = results.deviating()[0]
         if self.episode is None:
             return self._open(stamp_ns, results, deviating) if np.count_nonzero(deviating) else ()
-        self._has_thawed = bool(self.thaws(np.array([stamp_ns]))[0])
+        self._has_thawed = bool(self._thaws(np.array([stamp_ns]))[0])
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & self._isolating).tolist():
             seen, signed = self._symbols.get(j), j not in results.along

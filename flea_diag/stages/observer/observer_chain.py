@@ -58,7 +58,6 @@ class ObserverChain:
         rows = effects.residuals
         self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
         self.episode = self._detection()
-        self._every = frozenset(range(len(effects.residuals.rows)))
         self._unit = UnitChange()
         columns = RegressorTable(effects, calibration.parameters).rows
         self._search = WiringSearch(effects, calibration, columns)
@@ -127,12 +126,12 @@ class ObserverChain:
     def detect(self, block: ScanBlock, output: StreamOutput) -> tuple[Record, ...]:
         """Records of the detection that one scan causes."""
         (stamp_ns,) = block.stamps_ns.tolist()
+        before = self.episode.goes_on
         found: tuple[Record, ...] = self.episode.step(stamp_ns, output.results)
         if self.stream.conditions.begins is not None:
             found += self.episode.take_back(stamp_ns, self.stream.conditions.begins)
-        if self.episode.is_open:
-            thaws = bool(self.episode.thaws(block.stamps_ns)[0])
-            self.stream.thaw(self._every - self.episode.deviated if thaws else ())
+        if self.episode.goes_on != before:
+            self.stream.thaw(self.episode.goes_on)
         return found
 
     @property
