@@ -25,39 +25,27 @@ tells two faults. A healthy run of 300 s is quiet where nothing is detected.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from faults.pairs_of_faults import MACHINES, MOST, MOTIONS, drawn, known, records
+from faults.pairs_of_faults import (
+    MACHINES,
+    MOST,
+    MOTIONS,
+    drawn,
+    known,
+    records,
+    scenario,
+    verdicts,
+)
 from summary import bench_parser, share, write_summary
 
-from flea_diag.configuration.component import make_pipeline
-from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.wire.records import AmbiguityGroup, Outcome
-from flea_sim_driver.scenario.library import find_scenario
-from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.settings import FaultSetting
 
 SCORED_SEED = 39400
 FAULT_S, HEALTHY_S = 150.0, 300.0
 NAMING = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
-
-
-def scenario(
-    machine: str, seed: int, motion: str, lasts_s: float, *faults: FaultSetting
-) -> Scenario:
-    """A run of a machine in one of its motions."""
-    found = find_scenario(motion, machine)
-    run = replace(found.run, seed=seed, duration_s=lasts_s)
-    return replace(found, run=run, sensors=replace(found.sensors, vibration=False), faults=faults)
-
-
-def verdicts(machine: str, made: Scenario) -> list[AmbiguityGroup]:
-    """All that is said of a run."""
-    kept = diagnose(iter(records(made)), make_pipeline(known(machine)[0])).kept
-    return [record for record in kept if isinstance(record, AmbiguityGroup)]
 
 
 def keeps(fault: str, said: list[AmbiguityGroup]) -> bool:
@@ -81,7 +69,7 @@ def main() -> int:
             pair = drawn(machine, arguments.seed + number, 0.0)
             fault = pair.faults[0]
             made = scenario(machine, pair.seed, pair.motion, FAULT_S, fault)
-            said = verdicts(machine, made)
+            said = verdicts(known(machine)[0], records(made))
             kept.append(keeps(fault.fault, said))
             names = ", ".join(member.fault for member in said[-1].members) or "-"
             told = f"{said[-1].outcome.name}: {names}"
@@ -91,7 +79,8 @@ def main() -> int:
             )
         for number in range(arguments.healthy):
             seed, motion = arguments.seed + number, MOTIONS[number % len(MOTIONS)]
-            said = verdicts(machine, scenario(machine, seed, motion, HEALTHY_S))
+            made = scenario(machine, seed, motion, HEALTHY_S)
+            said = verdicts(known(machine)[0], records(made))
             quiet.append(not any(each.episode for each in said))
             print(
                 f"{machine} {seed} healthy {motion} | {'quiet' if quiet[-1] else 'ALARM'}",

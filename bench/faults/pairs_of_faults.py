@@ -66,6 +66,15 @@ HIDDEN = "hidden by "
 """How the reason begins why a fault is not observable beside a dead reading."""
 
 
+def scenario(
+    machine: str, seed: int, motion: str, lasts_s: float, *faults: FaultSetting
+) -> Scenario:
+    """A run of a machine in one of its motions."""
+    found = find_scenario(motion, machine)
+    run = replace(found.run, seed=seed, duration_s=lasts_s)
+    return replace(found, run=run, sensors=replace(found.sensors, vibration=False), faults=faults)
+
+
 @dataclass(frozen=True)
 class Pair:
     """Two faults of one run, and when the second one begins."""
@@ -96,11 +105,8 @@ class Pair:
 
     def scenario(self, *which: int) -> Scenario:
         """The run with these of both faults."""
-        found = find_scenario(self.motion, self.machine)
-        run = replace(found.run, seed=self.seed, duration_s=DURATION_S)
-        sensors = replace(found.sensors, vibration=False)
-        faults = tuple(self.faults[k] for k in which)
-        return replace(found, run=run, sensors=sensors, faults=faults)
+        faults = (self.faults[k] for k in which)
+        return scenario(self.machine, self.seed, self.motion, DURATION_S, *faults)
 
 
 @dataclass(frozen=True)
@@ -170,11 +176,16 @@ def records(scenario: Scenario) -> list[Record]:
     return [r for r in SimulatedStand(scenario) if isinstance(r, (ChannelTable, Scan))]
 
 
+def verdicts(stand: Stand, recorded: list[Record]) -> list[AmbiguityGroup]:
+    """All that is said of it."""
+    kept = diagnose(iter(recorded), make_pipeline(stand)).kept
+    return [record for record in kept if isinstance(record, AmbiguityGroup)]
+
+
 def told(stand: Stand, recorded: list[Record]) -> Told:
     """Diagnose it."""
     first_ns = next(r.stamp_ns for r in recorded if isinstance(r, Scan))
-    kept = diagnose(iter(recorded), make_pipeline(stand)).kept
-    groups = [record for record in kept if isinstance(record, AmbiguityGroup)]
+    groups = verdicts(stand, recorded)
     opened = [g.detected_stamp_ns for g in groups if g.episode]
     last = groups[-1]
     names = tuple(member.fault for member in last.members)
