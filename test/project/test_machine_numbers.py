@@ -66,7 +66,7 @@ GENERAL: dict[Row, str] = {
         "BIN_S",
         0.5,
     ): "the shortest window",
-    ("detection/coefficient_shift.py", "BESIDE_K", 20.0): "what magnets lose by heat",
+    ("detection/coefficient_tests.py", "BESIDE_K", 20.0): "what magnets lose by heat",
     ("detection/mean_shift.py", "GAP_S", 0.5): "a smoothing kernel, and what is withheld before it",
     ("detection/mean_shift.py", "LEAST_ALWAYS_S", 6.0): "size of a sample",
     ("detection/mean_shift.py", "SHIFT_WINDOWS_S", (2.0, 4.0)): "time to a detection",

@@ -24,7 +24,8 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identified import Identified
-from flea_diag.core.detection.coefficient_shift import CoefficientShift, coefficient_rows
+from flea_diag.core.detection.coefficient_shift import CoefficientShift
+from flea_diag.core.detection.coefficient_tests import coefficient_rows
 from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.likelihood.run_parameters import free_terms, own_values
 from flea_diag.core.residuals.relation_set import RelationSet

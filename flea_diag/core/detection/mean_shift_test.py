@@ -35,7 +35,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.detection.coefficient_shift import CoefficientTests
+from flea_diag.core.detection.coefficient_tests import CoefficientTests
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS, ShiftInput
