@@ -121,7 +121,7 @@ class WhiteStream:
         gain = self._gains.step(known)
         both = known[:, None] & known
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
-        shared = h.noise.shared * np.square(exact_share(raw)[:, 0])
+        shared = h.noise.of_others(window.signals) * np.square(exact_share(raw)[:, 0])
         apart = np.eye(len(known)) - np.where(both, shared, 0.0)
         # Each standstill holds another friction: what is common to them is the last column alone.
         scale = 1.0 / (loud * np.hypot(1.0, psi[:, -1] / sigma))[:, None]

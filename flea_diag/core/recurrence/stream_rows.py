@@ -182,7 +182,8 @@ class StreamRows:
         predicted = np.where(known, sigma * scatter, np.inf)
         # Of a deviation that no model gives exactly, little is the noise of a shared sensor.
         both = known[:, :, None] & known[:, None]
-        shared = self._h.noise.shared * np.square(exact_share(errors)[..., 0])[:, None]
+        others = self._h.noise.of_others(window.signals)
+        shared = others * np.square(exact_share(errors)[..., 0])[:, None]
         scale = sigma[:, None] / sigma[:, :, None]
         apart = self._one - np.where(both, shared * scale, 0.0)
         own = (apart @ errors[..., None])[..., 0]

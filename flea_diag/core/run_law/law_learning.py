@@ -128,7 +128,7 @@ class _Learning:
         self.columns = columns.some(acting(runs, columns))
         self.scale = _scale(runs, self.columns)
         self.groups = np.unique([run.unit for run in runs], return_inverse=True)[1]
-        self.noise = learned_noise([r.values for r in runs], ())
+        self.noise = learned_noise([r.values for r in runs], (), ())
         self.noisy: list[UnsoundRun] = []
         self._judged: RunsJudged | None = None
         self.sums: RunSums
@@ -161,7 +161,8 @@ class _Learning:
             freedom += float(np.einsum("ij,ji->", kept, self.sums.gram[k]))
         left = [self.runs[k].values - self.of(k) @ c for k, c in zip(which, own, strict=True)]
         motion = [self.runs[k].motion for k in which]
-        noise = learned_noise(left, self._sharing)
+        signals = [self.runs[k].signals for k in which]
+        noise = learned_noise(left, self._sharing, signals)
         white = noise.whitened_all([self.runs[k] for k in which], [self.of(k) for k in which])
         e = [w.left(c) for w, c in zip(white, own, strict=True)]
         share = np.array([w.known.sum(axis=0) for w in white], dtype=float).sum(axis=0)
@@ -325,8 +326,14 @@ def _noise_rows(columns: LawColumns, noise: LawNoise) -> tuple[RelationNoise, ..
             float(np.sqrt(noise.white[k])),
             float(np.sqrt(noise.coloured[k])),
             float(noise.phi[k]),
-            tuple(map(float, noise.shared[k, :k])) if noise.shared[k, :k].any() else (),
+            _any(noise.shared[k, :k]),
             tuple(map(float, noise.motion[k])),
+            _any(noise.by_slope[k, :k]),
         )
         for k, name in enumerate(columns.relations)
     )
+
+
+def _any(values: Array) -> tuple[float, ...]:
+    """The same as numbers; empty where all are 0."""
+    return tuple(map(float, values)) if values.any() else ()

@@ -22,7 +22,7 @@ were ``BOUND`` standard deviations out, whatever hypothesis it is held against: 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from flea_diag.core.run_law.level_noise import LevelNoise, level_noise
 from flea_diag.core.run_law.motion_noise import ANY_MOTION, motion_variances, with_rest
-from flea_diag.core.run_law.run_windows import RunWindows
+from flea_diag.core.run_law.run_windows import RunWindows, side_slope
 from flea_diag.core.run_law.whitening import GainSequence, WhiteSignals
 
 Array = npt.NDArray[np.float64]
@@ -62,6 +62,8 @@ class LawNoise:
         (relations,).
     shared
         What a relation has of those before it, shape (relations, relations), lower triangle.
+    by_slope
+        What it has of them beside that where ``side_slope`` is 1, same shape.
     motion
         Shares of the variance at rest and for one of each motion, shape (relations, motions).
     """
@@ -70,7 +72,17 @@ class LawNoise:
     coloured: Array
     phi: Array
     shared: Array
+    by_slope: Array
     motion: Array
+
+    def of_others(self, signals: Array) -> Array:
+        """What relations have of those before them in windows with these signals.
+
+        Signals have shape (..., relations, signals); shape (..., relations, relations).
+        """
+        if not self.by_slope.any():
+            return self.shared
+        return np.asarray(self.shared + side_slope(signals)[..., None] * self.by_slope)
 
     def loudness(self, motion: Array) -> Array:
         """Factor of the standard deviation in windows that move so, shape (..., relations)."""
@@ -96,15 +108,16 @@ class LawNoise:
         square = np.square(factor)
         return replace(self, white=self.white * square, coloured=self.coloured * square)
 
-    def unshared(self, signals: Array, known: Flags) -> Array:
-        """Signals, shape (windows, relations, n), each less what it has of those before it.
+    def unshared(self, rows: Array, known: Flags, signals: Array) -> Array:
+        """Rows, shape (windows, relations, n), each less what it has of those before it.
 
-        Only where both have a value; ``known`` has shape (windows, relations).
+        Only where both have a value; ``known`` has shape (windows, relations), ``signals`` are
+        those of the windows.
         """
-        if not self.shared.any():
-            return signals
+        if not (self.shared.any() or self.by_slope.any()):
+            return rows
         both = known[:, :, None] & known[:, None, :]
-        return np.asarray(signals - np.matmul(np.where(both, self.shared, 0.0), signals))
+        return np.asarray(rows - np.matmul(np.where(both, self.of_others(signals), 0.0), rows))
 
     def whitened(self, run: RunWindows, columns: Array) -> WhiteRun:
         """White residuals and columns of a recording; columns: (windows, relations, n)."""
@@ -127,7 +140,7 @@ class LawNoise:
             known[: len(run), k] = np.isfinite(run.values)
             values = np.nan_to_num(run.values)[..., None]
             whole = np.concatenate((values, x), axis=-1)
-            both[: len(run), k] = self.unshared(whole, known[: len(run), k])
+            both[: len(run), k] = self.unshared(whole, known[: len(run), k], run.signals)
         gains, signals = GainSequence(self.levels()), WhiteSignals(both.shape[1:])
         scales = np.ones(known.shape)
         for number, row in enumerate(both):
@@ -172,29 +185,32 @@ def left_beside(rows: Array, coefficients: Array) -> Array:
     return np.asarray(rows[..., 0] - rows[..., 1:] @ coefficients)
 
 
-def learned_noise(left: Sequence[Array], sharing: Sequence[tuple[int, int]]) -> LawNoise:
+def learned_noise(
+    left: Sequence[Array], sharing: Sequence[tuple[int, int]], signals: Sequence[Array]
+) -> LawNoise:
     """Noise of what recordings leave, each of shape (windows, relations), NaN where there is none.
 
-    ``sharing``: pairs of relations, the later one first, that read a sensor in common.
+    Parameters
+    ----------
+    sharing
+        Pairs of relations, the later one first, that read a sensor in common.
+    signals
+        Of the windows of each recording, shape (windows, relations, signals).
     """
     spikes = 1.5 * BOUND * np.array([_robust_sigma(left, k) for k in range(left[0].shape[1])])
     cut = [np.clip(entry, -spikes, spikes) for entry in left]
     count = left[0].shape[1]
     noise = level_noise(cut, walks=False)
-    plain = LawNoise(
-        noise.white, noise.coloured, noise.phi, np.zeros((count, count)),
-        np.tile(ANY_MOTION, (count, 1)),
-    )  # fmt: skip
-    shared = _shared(np.concatenate(cut), sharing)
-    if not shared.any():
+    none = np.zeros((count, count))
+    motion = np.tile(ANY_MOTION, (count, 1))
+    plain = LawNoise(noise.white, noise.coloured, noise.phi, none, none, motion)
+    if not sharing:
         return plain
-    with_shared = replace(plain, shared=shared)
-    apart = [
-        np.where(np.isfinite(c), with_shared.unshared(np.nan_to_num(c)[..., None],
-                                                      np.isfinite(c))[..., 0], np.nan)
-        for c in cut
-    ]  # fmt: skip
-    noise = level_noise(apart, walks=False)
+    with_shared = replace(plain, shared=_shared(np.concatenate(cut), sharing))
+    with_shared = _sloped(with_shared, cut, signals, sharing)
+    if not (with_shared.shared.any() or with_shared.by_slope.any()):
+        return plain
+    noise = level_noise(_apart(with_shared, cut, signals), walks=False)
     return replace(with_shared, white=noise.white, coloured=noise.coloured, phi=noise.phi)
 
 
@@ -261,21 +277,68 @@ def _robust_sigma(left: Sequence[Array], column: int) -> float:
     return sigma if sigma > 0.0 else np.inf
 
 
+def _apart(noise: LawNoise, left: Sequence[Array], signals: Sequence[Array]) -> list[Array]:
+    """What relations have of their own, NaN where there is none."""
+    made = []
+    for each, of in zip(left, signals, strict=True):
+        known = np.isfinite(each)
+        rows = noise.unshared(np.nan_to_num(each)[..., None], known, of)[..., 0]
+        made.append(np.where(known, rows, np.nan))
+    return made
+
+
 def _shared(left: Array, sharing: Sequence[tuple[int, int]]) -> Array:
     """Regression of each relation on those before it with which it shares a sensor."""
     found = np.zeros((left.shape[1],) * 2)
-    for row in sorted({later for later, _ in sharing}):
-        earlier = sorted(e for later, e in sharing if later == row)
+    for row, earlier in _earlier(sharing):
         use = np.isfinite(left[:, [row, *earlier]]).all(axis=1)
-        if use.sum() < LEAST_WINDOWS:
-            continue
-        x, y = left[use][:, earlier], left[use, row]
-        sizes = np.maximum(x.std(axis=0), 1e-300)
-        strong = [k for k in range(len(earlier)) if abs(_correlation(x[:, k], y)) > SHARED]
-        if strong:
-            chosen = x[:, strong] / sizes[strong]
-            slopes = np.linalg.lstsq(chosen, y, rcond=None)[0] / sizes[strong]
-            found[row, [earlier[k] for k in strong]] = slopes
+        found[row, earlier] = _regression(left[use, row], left[use][:, earlier])
+    return found
+
+
+def _sloped(
+    noise: LawNoise, left: Sequence[Array], signals: Sequence[Array],
+    sharing: Sequence[tuple[int, int]],
+) -> LawNoise:  # fmt: skip
+    """The same noise with what relations share by ``side_slope``, where they do.
+
+    At rest as well, where the current is small: those that have no value there have no part.
+    """
+    shared, by_slope = noise.shared.copy(), noise.by_slope.copy()
+    y, own = np.concatenate(left), np.concatenate(_apart(noise, left, signals))
+    x, slopes = np.nan_to_num(y), np.concatenate([side_slope(each) for each in signals])
+    for row, earlier in _earlier(sharing):
+        use = np.isfinite(y[:, row])
+        plain = x[use][:, earlier]
+        sloped = plain * slopes[use, row, None]
+        strong = _regression(own[use, row], sloped) != 0.0
+        if strong.any():
+            acts = np.concatenate(((shared[row, earlier] != 0.0) | strong, strong))
+            parts = _coefficients(y[use, row], np.concatenate((plain, sloped), axis=1), acts)
+            shared[row, earlier], by_slope[row, earlier] = parts.reshape(2, -1)
+    return replace(noise, shared=shared, by_slope=by_slope)
+
+
+def _earlier(sharing: Sequence[tuple[int, int]]) -> Iterator[tuple[int, list[int]]]:
+    """Each relation that shares a sensor with some before it, and these."""
+    for row in sorted({later for later, _ in sharing}):
+        yield row, sorted(e for later, e in sharing if later == row)
+
+
+def _regression(y: Array, x: Array) -> Array:
+    """Coefficients of those columns of x that y is correlated with, 0 of the others."""
+    if len(y) < LEAST_WINDOWS:
+        return np.zeros(x.shape[1])
+    strong = [abs(_correlation(column, y)) > SHARED for column in x.T]
+    return _coefficients(y, x, np.array(strong, dtype=bool))
+
+
+def _coefficients(y: Array, x: Array, acts: Flags) -> Array:
+    """Coefficients of those columns of x that act, 0 of the others."""
+    found = np.zeros(x.shape[1])
+    if acts.any():
+        sizes = np.maximum(x[:, acts].std(axis=0), 1e-300)
+        found[acts] = np.linalg.lstsq(x[:, acts] / sizes, y, rcond=None)[0] / sizes
     return found
 
 

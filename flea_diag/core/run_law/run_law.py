@@ -68,6 +68,7 @@ class RelationNoise(Frozen):
 
     ``shared`` is what it has of the relations before it, ``motion`` its variance at rest and for
     one of each of ``MOTIONS``, over that of the noise; empty: the same in every motion.
+    ``by_slope`` is what it has of those before it by the slope of the sign of the current.
     """
 
     relation: str
@@ -76,6 +77,7 @@ class RelationNoise(Frozen):
     phi: Annotated[float, within(0.0, 1.0)]
     shared: tuple[float, ...] = ()
     motion: tuple[NotNegative, ...] = ()
+    by_slope: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,12 +195,14 @@ class RunLaw(Frozen):
     def law_noise(self) -> LawNoise:
         """Noise as arrays."""
         count = len(self.noise)
-        shared = np.zeros((count, count))
+        shared, by_slope = np.zeros((2, count, count))
         for place, row in enumerate(self.noise):
             shared[place, : len(row.shared)] = row.shared
+            by_slope[place, : len(row.by_slope)] = row.by_slope
         rows = np.array([(r.white, r.coloured, r.phi) for r in self.noise]).T
         motion = np.array([r.motion or ANY_MOTION for r in self.noise])
-        return LawNoise(np.square(rows[0]), np.square(rows[1]), rows[2], shared, motion)
+        square = np.square(rows[:2])
+        return LawNoise(square[0], square[1], rows[2], shared, by_slope, motion)
 
     @cached_property
     def mean(self) -> Array:
@@ -254,8 +258,9 @@ class RunLaw(Frozen):
         if self.travel and (len(self.travel) != 2 or not self.travel[0] <= self.travel[1]):
             wrong.append("travel is not the lowest and the highest place")
         for place, row in enumerate(self.noise):
-            if len(row.shared) > place:
-                wrong.append(f"noise of {row.relation}: shared has more than {place} numbers")
+            for name in ("shared", "by_slope"):
+                if len(getattr(row, name)) > place:
+                    wrong.append(f"noise of {row.relation}: {name} has more than {place} numbers")
             if row.motion and (len(row.motion) != len(ANY_MOTION) or not row.motion[0]):
                 wrong.append(
                     f"noise of {row.relation}: motion is not {len(ANY_MOTION)} numbers "

@@ -227,6 +227,16 @@ def left_out(
     return np.stack((*electric, np.abs(load) * way, turn, *changing), axis=-1)
 
 
+def side_slope(signals: Array) -> Array:
+    """Slope of the smooth sign of the current, 0 to 1, shape (...); signals: (..., signals).
+
+    0 where they are without what relations leave out.
+    """
+    if signals.shape[-1] < len(FORMED):
+        return np.zeros(signals.shape[:-1])
+    return np.asarray(signals[..., FORMED.index(CURRENT_ZERO) - len(FORMED)])
+
+
 def own_name(relation: str, signal: str) -> str:
     """Name of a signal as a relation itself says that it should be."""
     return f"{relation}: {signal}"

@@ -29,6 +29,7 @@ from flea_diag.core.run_law.motion_noise import ANY_MOTION, with_rest
 from flea_diag.core.run_law.run_windows import (
     BY_PLACE,
     CURRENT_WAY,
+    CURRENT_ZERO,
     FORMED,
     HEATING_S,
     MOTIONS,
@@ -58,7 +59,8 @@ def run_of(values: np.ndarray, motion: np.ndarray | None = None) -> RunWindows:
 def quiet(**given) -> LawNoise:
     one = np.ones(2)
     plain = {"white": one, "coloured": 0.0 * one, "phi": 0.3 * one}
-    every = {"shared": np.zeros((2, 2)), "motion": np.tile(ANY_MOTION, (2, 1))}
+    none = np.zeros((2, 2))
+    every = {"shared": none, "by_slope": none, "motion": np.tile(ANY_MOTION, (2, 1))}
     return LawNoise(**{**plain, **every, **given})
 
 
@@ -70,7 +72,7 @@ def test_learned_noise_whitens_what_it_was_learned_from():
         ))
         for _ in range(10)
     ]  # fmt: skip
-    noise = learned_noise(left, ())
+    noise = learned_noise(left, (), ())
     assert noise.sigma == pytest.approx([np.sqrt(5.0), 0.1], rel=0.1)
     white = np.concatenate([
         noise.whitened(run_of(entry), np.zeros((400, 2, 0))).rows[..., 0] for entry in left
@@ -95,9 +97,27 @@ def test_what_two_relations_share_is_taken_off_the_later_one():
     rng = np.random.default_rng(3)
     common = rng.standard_normal(3000)
     left = np.column_stack((common, 0.5 * common + 0.1 * rng.standard_normal(3000)))
-    noise = learned_noise([left], [(1, 0)])
+    noise = learned_noise([left], [(1, 0)], [np.zeros((3000, 2, len(FORMED)))])
     assert noise.shared[1, 0] == pytest.approx(0.5, abs=0.02)
+    assert not noise.by_slope.any()
     assert noise.sigma == pytest.approx([1.0, 0.1], rel=0.1)
+
+
+def test_near_no_current_a_bridge_takes_the_noise_of_the_current_by_the_slope_of_its_sign():
+    rng = np.random.default_rng(4)
+    slope, drop, rest = rng.uniform(0.0, 1.0, 6000), 0.5, rng.random(6000) < 0.5
+    balance, circuit = rng.standard_normal(6000), rng.standard_normal(6000)
+    bridge = -drop * slope * circuit + 0.1 * rng.standard_normal(6000)
+    left = np.column_stack((np.where(rest, np.nan, balance), circuit, bridge))
+    signals = np.zeros((6000, 3, len(FORMED)))
+    signals[..., FORMED.index(CURRENT_ZERO)] = slope[:, None]
+    noise = learned_noise([left], [(2, 0), (2, 1)], [signals])
+    assert noise.shared[2, 1] + noise.by_slope[2, 1] == pytest.approx(-drop, abs=0.02)
+    run = RunWindows("run", "", left, signals, np.zeros((6000, len(MOTIONS))))
+    white = noise.whitened(run, np.zeros((6000, 3, 0))).rows[..., 0]
+    near = slope > 0.8
+    assert abs(np.corrcoef(white[near, 1], white[near, 2])[0, 1]) < 0.1
+    assert white[near, 2].std() == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_spike_counts_as_if_it_were_no_farther_out_than_the_bound():

@@ -32,8 +32,9 @@ from flea_diag.core.run_law.run_windows import MOTIONS, RunWindows
 
 SIGMA = np.array([0.4, 1.5])
 NOISE = LawNoise(
-    np.square(SIGMA), np.zeros(2), np.zeros(2), np.zeros((2, 2)), np.tile(ANY_MOTION, (2, 1))
-)
+    np.square(SIGMA), np.zeros(2), np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)),
+    np.tile(ANY_MOTION, (2, 1)),
+)  # fmt: skip
 LAW = Spread(np.array([0.5, -0.2]), np.array([0.3, 0.1]), np.array([[0.2, 0.05], [0.05, 0.1]]))
 
 
