@@ -154,8 +154,13 @@ class StreamHypotheses(Frozen):
         errors
             Of prediction under no fault, in standard deviations of a window, (..., relations).
         """
-        share = told_share(errors)[..., None]
-        return self.signatures.signals(window.signals + share * (window.read - window.signals))
+        return self.signatures.signals(_answered(window, errors))
+
+    def effect(self, window: LawWindow, errors: Array, model: int, size: Array) -> Array:
+        """What one fault of this size adds, shape (..., relations); ``errors`` as in ``faults``."""
+        design = self.signatures.design
+        each = design.reshape(*design.shape[:2], *self.signatures.shape)[:, :, model] @ size
+        return np.asarray(np.einsum("...rs,rs->...r", _answered(window, errors), each))
 
     def turned(self, window: LawWindow, errors: Array, left: Array, eta: Array) -> Array:
         """What errors of the current add by turning its sign, shape (relations, models * sizes).
@@ -186,6 +191,16 @@ class StreamHypotheses(Frozen):
         held = self.friction.held(window)
         psi_root = np.concatenate((told[..., 1:], held[..., None] / math.sqrt(3.0)), axis=-1)
         return window.values + held - told[..., 0], psi_root
+
+    def sigma(self, window: LawWindow) -> Array:
+        """Standard deviations of the noise of a window, shape (..., relations)."""
+        loud = self.noise.loudness(window.motion) * self.friction.loudness(window.read)
+        return np.asarray(loud * self.noise.sigma)
+
+    def left(self, window: LawWindow, number: npt.ArrayLike) -> Array:
+        """What is left beside the mean, as in ``own``."""
+        mean = self._acted(window, number, self._recording[..., :1])[..., 0]
+        return np.asarray(window.values + self.friction.held(window) - mean)
 
     def of_unit(self, window: LawWindow, number: npt.ArrayLike) -> Array:
         """Psi_unit."""
@@ -223,6 +238,12 @@ class StreamHypotheses(Frozen):
     def own_count(self) -> int:
         """Columns of what a window says itself: its value, and what the stream may differ by."""
         return 2 + int(self.root.shape[1])
+
+
+def _answered(window: LawWindow, errors: Array) -> Array:
+    """Signals by which faults act, see ``StreamHypotheses.faults``; (..., relations, signals)."""
+    share = told_share(errors)[..., None]
+    return np.asarray(window.signals + share * (window.read - window.signals))
 
 
 def told_share(errors: Array) -> Array:

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +93,30 @@ class WindowRows(Frozen):
         one, other = (self.apart @ (each / self.predicted[..., None]) for each in both)
         return one, other
 
+    def within(
+        self, hypotheses: StreamHypotheses, moments: LawWindow, model: int, size: Array
+    ) -> tuple[Array, Array]:
+        """Errors of as many moments in each window, and what a fault of this size adds to them.
+
+        Both of shape (moments, relations), in standard deviations of a moment, whose noise is taken
+        to be white. What the stream differs by hardly changes within a window.
+        """
+        count = len(moments.values) // len(self.errors)
+        of_moment = partial(np.repeat, repeats=count, axis=0)
+        left = hypotheses.left(moments, of_moment(self.first + np.arange(len(self.errors))))
+        quieter = hypotheses.sigma(moments) / of_moment(hypotheses.sigma(self.window))
+        predicted = math.sqrt(count) * quieter * of_moment(self.predicted)
+        known = np.isfinite(left) & np.isfinite(predicted)
+        found = np.where(known, left, 0.0).reshape(len(self.errors), count, -1)
+        of_window = found.sum(axis=1) / np.maximum(known.reshape(found.shape).sum(axis=1), 1)
+        beside = np.where(known, left - of_moment(of_window), 0.0) / predicted
+        whole = of_moment(self.raw) / (math.sqrt(count) * quieter)
+        raw = np.where(known, beside + whole, 0.0)
+        added = hypotheses.effect(moments, raw, model, size) / predicted
+        apart = of_moment(self.apart)
+        errors, effect = ((apart @ each[..., None])[..., 0] for each in (raw, added * known))
+        return errors, effect
+
     def one(self, k: int) -> WindowRows:
         """One of these windows."""
         which = slice(k, k + 1)
@@ -156,7 +181,7 @@ class StreamRows:
     def _standing(self, windows: LawWindow) -> _Standing:
         h, known = self._h, np.isfinite(windows.values) & self._fast
         left, psi = h.own(windows, self._number + np.arange(len(known)))
-        sigma = h.noise.loudness(windows.motion) * h.friction.loudness(windows.read) * h.noise.sigma
+        sigma = h.sigma(windows)
         rows = np.concatenate((left[..., None], psi), axis=-1) / sigma[..., None]
         rows[~known] = 0.0
         return _Standing(rows, sigma, known)

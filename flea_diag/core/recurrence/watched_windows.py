@@ -22,6 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
+from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
+from flea_diag.core.recurrence.presence import Presence, presence
 from flea_diag.core.recurrence.stream_part import StreamPart
 from flea_diag.core.recurrence.stream_rows import WindowRows
 
@@ -43,12 +45,15 @@ class WatchedWindow:
         By how much each reading has jumped at most.
     place
         Along the stroke, NaN where nothing reads it.
+    scans
+        That it is made of.
     """
 
     end_ns: int
     row: WindowRows
     jump: Array
     place: float
+    scans: LawScans
 
 
 class WatchedWindows:
@@ -84,6 +89,16 @@ class WatchedWindows:
     def places(self, count: int) -> Array:
         """Of the first windows, shape (count,)."""
         return np.array([window.place for window in self._windows[:count]])
+
+    def presence(
+        self, count: int, moments: LawWindowMeans, model: int, size: Array, moment_s: float
+    ) -> Presence:
+        """Of a fault of this size in the first windows, by ``moments`` of them."""
+        windows = self._windows[:count]
+        _, within = moments.together(LawScans.joined([window.scans for window in windows]))
+        rows = WindowRows.joined([window.row for window in windows])
+        errors, effect = rows.within(self._h, within, model, size)
+        return presence(errors[:, self._fast], effect[:, self._fast], moment_s)
 
     def drop(self, count: int) -> None:
         """Forget the oldest."""

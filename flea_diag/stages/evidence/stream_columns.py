@@ -82,11 +82,11 @@ class StreamColumns:
         values = np.where(void, np.nan, values)
         return LawScans(values, block.regressors, ~resting & self._stand(block))
 
-    def means(self, names: tuple[str, ...]) -> LawWindowMeans:
-        """What makes windows of tables of these regressors."""
+    def means(self, names: tuple[str, ...], scans: int = 0) -> LawWindowMeans:
+        """What makes windows of so many scans, 0: as they are, of tables of these regressors."""
         return LawWindowMeans(
             self._relations, self._signals, names, self._motion, self._acting, self._travel,
-            self._period_s, self._scans, self._side,
+            self._period_s, scans or self._scans, self._side,
         )  # fmt: skip
 
     def _of(self, block: ResidualBlock) -> LawWindowMeans:

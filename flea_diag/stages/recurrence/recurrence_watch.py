@@ -30,10 +30,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
-from flea_diag.core.evidence.stream_windows import LawWindow
+from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.recurrence.occurrence import gathered, most_times, rhythm
+from flea_diag.core.recurrence.presence import MOMENTS
 from flea_diag.core.recurrence.recurring import (
     FAR,
     NEAR,
@@ -63,10 +64,13 @@ SHARE = 0.15
 
 
 class WindowSource(Protocol):
-    """Makes windows of the law out of residuals."""
+    """Makes windows of the law out of residuals; see ``StreamColumns``."""
 
-    def together(self, block: ResidualBlock) -> tuple[int, LawWindow]:
-        """Windows that these residuals complete; number of the last scan of the first."""
+    def scans(self, block: ResidualBlock) -> LawScans:
+        """What windows are made of."""
+
+    def means(self, names: tuple[str, ...], scans: int = 0) -> LawWindowMeans:
+        """What makes windows of so many scans, 0: those of the law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +132,10 @@ class RecurrenceWatch:
         """A new stream, or another unit: nothing so far counts."""
         self._waiting = WaitingScans(self._k.scans, self._k.position)
         self._offsets: Offsets = ()
-        self._columns = self._k.columns()
+        self._source, self._names = self._k.columns(), tuple[str, ...]()
+        self._windows: LawWindowMeans | None = None
+        self._begun: list[LawScans] = []
+        """Scans of a window that has begun."""
         self._jump: Array | None = None
         """By how much each reading has jumped so far in a window that has begun; None: none has."""
         self._rows = StreamRows(self._k.hypotheses, np.array(self._k.fast))
@@ -206,8 +213,14 @@ class RecurrenceWatch:
 
     def _take(self, block: ResidualBlock) -> Iterator[tuple[int, ComesAndGoes]]:
         """Take scans that complete a window."""
-        end, windows = self._columns.together(block)
-        ends = np.arange(end, len(block), self._k.scans)
+        if self._windows is None:
+            self._names = block.regressor_names
+            self._windows = self._source.means(self._names)
+        scans, count = self._source.scans(block), self._k.scans
+        end, windows = self._windows.together(scans)
+        ends = np.arange(end, len(block), count)
+        every = LawScans.joined([*self._begun, scans])
+        self._begun = [every.part(slice(len(ends) * count, None))] if len(every) % count else []
         jumps = self._leaps(block, ends)
         places = block.regressors[ends, block.regressor_names.index(PLACE)]
         rows = self._rows.add(windows)
@@ -215,7 +228,10 @@ class RecurrenceWatch:
             if not (len(self._history) or far > FAR):
                 continue
             stamp_ns = int(block.stamps_ns[ends[number]])
-            window = WatchedWindow(stamp_ns, rows.one(number), jumps[number], float(places[number]))
+            window = WatchedWindow(
+                stamp_ns, rows.one(number), jumps[number], float(places[number]),
+                every.part(slice(number * count, (number + 1) * count)),
+            )  # fmt: skip
             found = self._window(window, far)
             if found is not None:
                 yield int(ends[number]) + 1, found
@@ -254,8 +270,7 @@ class RecurrenceWatch:
             self.rearm()
             return None if told is None else ComesAndGoes({}, told)
         if found is not None and told is not None:
-            early = found.states[:cut]
-            self._before = self._occurrence(replace(found, states=early))
+            self._before = self._occurrence(replace(found, states=found.states[:cut]))
         kept.drop(cut)
         self._latest = None
         return None
@@ -290,17 +305,24 @@ class RecurrenceWatch:
     def _occurrence(self, found: RecurringFault) -> Recurrence | None:
         """When and where it came, with what fell out of the history."""
         k, kept, before = self._k, self._history, self._before
-        came = found.comings
+        each = math.gcd(MOMENTS, k.scans)
+        windows, moment_s = len(found.states), WINDOW_S / each
+        moments = self._source.means(self._names, k.scans // each)
+        seen = kept.presence(windows, moments, found.model, found.size, moment_s)
+        came = seen.comings
         if not len(came):
             return before
-        delay_ns = round((0.5 * WINDOW_S + k.delay_s) * 1e9)
-        times_ns = [kept.end_ns(place) - delay_ns for place in came]
-        places = kept.places(len(found.states))
-        windows_s = float((found.states > 0).sum()) * WINDOW_S
+        behind_s = (each - 0.5 - came % each) * moment_s + k.delay_s
+        ends_ns = np.array([kept.end_ns(place) for place in (came // each).tolist()])
+        times_ns = (ends_ns - np.round(behind_s * 1e9).astype(np.int64)).tolist()
+        places = kept.places(windows).repeat(each)
+        there_s, gone_s = (
+            float((seen.shows & state).sum()) * moment_s for state in (seen.there, ~seen.there)
+        )
         # Smoothing lengthens each burst by as much as a kernel.
-        present_s = max(windows_s - 2.0 * k.delay_s * len(came), 0.0)
-        absent_s = float((found.states < 0).sum()) * WINDOW_S + windows_s - present_s
-        unseen_s = float((found.states[came[0] :] == 0).sum()) * WINDOW_S
+        present_s = max(there_s - 2.0 * k.delay_s * len(came), 0.0)
+        absent_s = gone_s + there_s - present_s
+        unseen_s = float((~seen.shows[came[0] :]).sum()) * moment_s
         count, first_ns = len(came), times_ns[0]
         if before is not None:
             count, first_ns = count + before.count, before.first_ns
@@ -314,7 +336,7 @@ class RecurrenceWatch:
             absent_s=absent_s,
             shortest_s=2.0 * k.delay_s,
             every_s=rhythm(np.array(times_ns) / 1e9),
-            place=gathered(places[came], places[found.states != 0]),
+            place=gathered(places[came], places[seen.shows]),
             place_unit=k.place_unit,
             unseen_s=unseen_s,
             most=most_times(count, present_s + absent_s, unseen_s),
