@@ -24,7 +24,7 @@ member, nor any other fault that is left, does without it (``pair_clues``).
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -32,7 +32,7 @@ from flea_diag.core.faults.fault import Fault
 from flea_diag.core.invariant import finite
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit
 from flea_diag.core.isolation.isolation import KNOWN
-from flea_diag.core.isolation.pair_clues import Alone, Clues
+from flea_diag.core.isolation.pair_clues import APART_NATS, Alone, Clues
 from flea_diag.core.isolation.pair_gains import pair_gains
 from flea_diag.core.isolation.pair_models import Death, Models, Pair, PairModels, together
 from flea_diag.core.likelihood.estimation import fitted
@@ -89,7 +89,7 @@ class FaultPairs:
                 asked += [(one, two) for one in first for two in second]
         gains = pair_gains(sums, columns, asked, weighing)
         alone = max((row.nats for row in gains if row.other == 0), default=math.inf)
-        return bool(gains) and gains[0].nats - alone >= clues.behind_nats
+        return bool(gains) and gains[0].nats - alone >= clues.behind_nats(APART_NATS)
 
     def search(
         self,
@@ -144,7 +144,7 @@ class FaultPairs:
             for pair, row in possible.items()
             if most - row[0].log_likelihood <= drop_nats + KNOWN**2 * max(most, 0.0)
         }
-        nats, alone = self._alone(sums, near, models, weighing, clues.rivals)
+        nats, alone = self._alone(sums, near, models, weighing, clues)
         left = {pair: self._beyond_noise(sums, pair, row[0]) for pair, row in near.items()}
         shown = dict(
             zip(sums.residuals, (0.5 * weighing.weight * sums.square).tolist(), strict=True)
@@ -185,20 +185,25 @@ class FaultPairs:
         near: Mapping[Pair, Fitted],
         models: Models,
         weighing: Weighing,
-        rivals: Collection[str],
+        clues: Clues,
     ) -> tuple[dict[Pair, float], dict[str, Alone]]:
         """What each pair explains, each member and rival alone, in the same weights."""
-        names = tuple(dict.fromkeys((*(name for pair in near for name in pair), *rivals)))
+        names = tuple(dict.fromkeys((*(name for pair in near for name in pair), *clues.rivals)))
         singles = [model for name in names for model in models[name] if model.sizes]
+        warm = [together(model, *clues.heating(models[model.fault])) for model in singles]
         joined = [together(one, other) for _, one, other in near.values()]
-        fits = fitted(sums, [*joined, *singles], weighing, once=True)
-        nats = dict.fromkeys(names, 0.0)
-        for fit in fits[len(joined) :]:
-            nats[fit.fault] = max(nats[fit.fault], fit.log_likelihood)
+        fits = fitted(sums, [*joined, *singles, *warm], weighing, once=True)
+        nats, heated = dict.fromkeys(names, 0.0), dict.fromkeys(names, 0.0)
+        found = [fit.log_likelihood for fit in fits[len(joined) :]]
+        of_singles, of_warm = found[: len(singles)], found[len(singles) :]
+        for model, cold, hot in zip(singles, of_singles, of_warm, strict=True):
+            nats[model.fault] = max(nats[model.fault], cold)
+            heated[model.fault] = max(heated[model.fault], cold, hot)
         pairs = zip(near, fits, strict=False)
+        alone = {n: self._by_itself(sums, n, models[n], nats[n], weighing) for n in names}
         return (
             {pair: fit.log_likelihood for pair, fit in pairs},
-            {n: self._by_itself(sums, n, models[n], nats[n], weighing) for n in names},
+            {n: replace(each, heated=heated[n]) for n, each in alone.items()},
         )
 
     def _by_itself(

@@ -63,9 +63,12 @@ class QuantitativeIsolation:
         residuals = effects.residuals
         self._friction, self._in_motion = residuals.friction, residuals.in_motion
         # Not the relation with friction: a drag already present at start would be learned.
-        self._baseline_residuals = (residuals.circuit,)
+        self._baseline_residuals: tuple[str, ...] = (residuals.circuit,)
         # Where that relation left its earlier level, the drag began within the run.
         self._before_shift = residuals.circuit, residuals.friction
+        # With an error of a reading no other unit has come, nor has a drag been there before.
+        units = {effect.residual for _, effect in effects.units}.difference(residuals.predictions)
+        self._before_error = tuple(units.union(self._before_shift))
         self.weights = Weights.of(calibration, effects)
         self.names = tuple(name for name in residuals.weighed if name in self.weights.sigma)
         self.basis = effects.basis_of(fitted)
@@ -124,7 +127,7 @@ class QuantitativeIsolation:
         values = np.full((len(block), len(self.names)), np.nan)
         resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
-            if name in self._before_shift and name in block.names:
+            if name in self._before_error and name in block.names:
                 values[:, column] = block.values[:, block.names.index(name)]
                 if name in self._in_motion:
                     values[resting, column] = np.nan
@@ -149,12 +152,17 @@ class QuantitativeIsolation:
         return not seen or any(sums.samples[self.names.index(name)] > 0.0 for name in seen)
 
     def weighing(
-        self, episode: FaultEpisode, sums: EvidenceSums, is_same_unit: bool = True
+        self,
+        episode: FaultEpisode,
+        sums: EvidenceSums,
+        is_same_unit: bool = True,
+        is_of_reading: bool = False,
     ) -> Weighing:
         """What evidence of an episode weighs; else it may be of another unit than before.
 
         The mechanical baseline is used only where it was learned without the fault: a shift of the
-        mechanical relation opened the episode, or vibration deviates and no relation does.
+        mechanical relation opened the episode, vibration deviates and no relation does, or what is
+        looked for is a second fault beside an error ``is_of_reading``.
         """
         shared = episode.shared
         baseline = self._baseline.evidence if is_same_unit else None
@@ -163,12 +171,17 @@ class QuantitativeIsolation:
             and episode.residuals.relation(shared.opening_shift) == self._friction
             and not shared.opened_by_vibration
         )
-        own = baseline is not None and (mechanical_shift or episode.is_vibration_only)
+        known = self._baseline_residuals
+        if is_of_reading:
+            known = self._before_error
+        elif mechanical_shift or episode.is_vibration_only:
+            known = self._before_shift
+        own = baseline is not None and known is not self._baseline_residuals
         return weighing_of(
             sums,
             self.weights.own_sigma if own else self.weights.sigma,
             self.weights.correlation,
             self.weights.tolerances,
             None if baseline is None else baseline.sums,
-            self._before_shift if own else self._baseline_residuals,
+            known,
         )

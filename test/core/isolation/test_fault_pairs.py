@@ -155,24 +155,38 @@ def test_what_one_fault_explains_is_no_pair() -> None:
 
 
 @pytest.mark.parametrize(
-    ("level", "slow", "held"),
-    [(0.7, (), True), (0.7, (VOLTS,), False), (0.3, (), False), (3.0, (VOLTS,), True)],
+    ("level", "heating", "held"),
+    [(0.7, 0.0, True), (0.7, 0.01, True), (0.7, 0.2, False), (0.3, 0.0, False), (3.0, 0.2, True)],
 )
 def test_a_second_fault_within_the_limits_of_a_mean_must_explain_more(
-    level: float, slow: Sequence[str], held: bool
+    level: float, heating: float, held: bool
 ) -> None:
     """Of white noise a level adds ``SCANS / 2 (level / sigma)^2`` nats: 0.7 is 122, 0.3 is 22.
 
-    A temperature may leave its prediction by as much without a fault of its own, not by 15 sigma.
+    A temperature that rises by 0.2 K/s may leave its prediction by as much without a fault of its
+    own, one that rises by 0.01 K/s may not.
     """
     known = evidence(
         (FORCE, lambda wave: -4.0 + 0.0 * wave), (VOLTS, lambda wave: level + 0.0 * wave)
     )
-    said = replace(clues({FORCE: (LOAD,)}, rivals=(LOAD,)), slow=frozenset(slow))
+    heats = {VOLTS: model("heat", Term(VOLTS, "elapsed_s", 1.0), high=heating)} if heating else {}
+    said = replace(clues({FORCE: (LOAD,)}, rivals=(LOAD,)), heats=heats)
     assert ({BIAS, LOAD} in [set(pair) for pair in found(known, said)]) is held
     sums = known.now
     may = search_of().may_add(sums, MODELS, MODELS, weighing(sums), said)
     assert may is (level > 0.3)
+
+
+@pytest.mark.parametrize("acts", [(), (Term(VOLTS, "wave", 1e-6),)])
+def test_where_the_first_fault_does_not_act_its_model_lacks_nothing(acts: Sequence[Term]) -> None:
+    """A level of 0.55 adds 38 nats: enough, unless what adds them may be of the first fault."""
+    known = evidence(
+        (FORCE, lambda wave: -4.0 + 0.0 * wave), (VOLTS, lambda wave: 0.55 + 0.0 * wave)
+    )
+    models = {**MODELS, LOAD: [model(LOAD, Term(FORCE, "one", -1.0), *acts)]}
+    said = clues({FORCE: (LOAD,)}, rivals=(LOAD,))
+    held = {BIAS, LOAD} in [set(pair.faults) for pair in pairs(known, said, models)]
+    assert held is (not acts)
 
 
 def test_what_a_model_is_off_by_is_a_share_of_what_it_explains_where_the_other_acts() -> None:

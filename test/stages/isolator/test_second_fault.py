@@ -127,6 +127,28 @@ def test_a_dead_thermocouple_hides_no_weaker_magnet() -> None:
 
 
 @pytest.mark.slow
+def test_beside_an_error_of_a_reading_the_level_of_the_unit_before_it_tells_a_second_fault() -> (
+    None
+):
+    """Units differ by more than this lost motion; with an error of a reading no other has come."""
+    first = FaultSetting("motor_current_scaling", 12.0, 1.2594817785898202)
+    second = FaultSetting("backlash", 12.0, 0.0004739298103310286)
+    last = diagnosed("ema", 37281, "nominal_trapezoid", first, second)
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
+def test_a_winding_heats_itself_by_no_more_than_anything_has() -> None:
+    """Its thermocouple drifts by 0.9 K/s; the most in the recordings is 0.08 K/s."""
+    first = FaultSetting("winding_resistance_rise", 12.0, 0.297)
+    second = FaultSetting("motor_temperature_drift", 12.0, 0.888)
+    last = diagnosed("ema", 37241, "nominal_pulled", first, second)
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
 def test_what_needs_a_reading_that_is_withheld_is_not_observable() -> None:
     last = on_the_wing(FaultSetting("actuator_position_dead", 12.0, 0.0))
     assert stands.members(last) == {"actuator_position_dead"}

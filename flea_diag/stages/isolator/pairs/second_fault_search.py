@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from flea_diag.core.faults.fault import Fault
@@ -29,7 +30,7 @@ from flea_diag.core.likelihood.effect_set import name_of
 from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.weighing import Weighing
 from flea_diag.core.symbolic.expression import ONE
@@ -64,6 +65,7 @@ class SecondFaultSearch:
         self._models = {
             name: known.get(name, [FaultModel(name, (), ())]) for name in knowledge.faults
         }
+        self._heats = _heats(knowledge)
         dead = knowledge.deaths(self._models)
         self._pairs = FaultPairs(knowledge.faults, self._goodness, dead)
 
@@ -158,11 +160,13 @@ class SecondFaultSearch:
         """What evidence weighs of which those that are left explain all, or do not.
 
         What they leave may be another unit that has come with its fault; with an error of a reading
-        none comes.
+        none comes, and all that the unit has shown before holds.
         """
         known, names = episode.isolation.hypotheses, episode.names()
         same = all(known[name].fault.channel for name in names)
-        return self._quantitative.weighing(episode, sums, bool(episode.second.suspected) or same)
+        return self._quantitative.weighing(
+            episode, sums, bool(episode.second.suspected) or same, same
+        )
 
     def _follow(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
         """Hold the pairs against what has come since; what is left of them, they shrink."""
@@ -252,7 +256,24 @@ class SecondFaultSearch:
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
         rivals = self._known(left) if unasked or start is None else ()
         rivals = tuple(name for name in rivals if name in predicted)
-        slow = frozenset(episode.residuals.of_unit)
-        return Clues(
-            predicted, isolation.seen, weighed, firsts, is_possible, rivals, slow, followed_s
-        )
+        heats, uneven = self._heats, frozenset({episode.residuals.friction})
+        given = predicted, isolation.seen, weighed, firsts, is_possible, rivals
+        return Clues(*given, heats, uneven, followed_s)
+
+
+def _heats(knowledge: Knowledge) -> dict[str, FaultModel]:
+    """What predicted stores are off by where a fault heats them, by their relations.
+
+    By at most as much again as anything has in the recordings.
+    """
+    envelope = knowledge.calibration.envelope
+    most = envelope.supplies if envelope else {}
+    return {
+        name: _heat(name, most.get(name, math.inf)) for name in knowledge.effects.residuals.of_unit
+    }
+
+
+def _heat(name: str, most: float) -> FaultModel:
+    """A store that rises faster than predicted, since the detection."""
+    size = Size("heating", "K/s", -most, most)
+    return FaultModel("heat", (size,), (Term(name, name_of(ELAPSED), 1.0, 0),))
