@@ -16,15 +16,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.isolation.unseen_growth import UnseenGrowth
 from flea_diag.core.isolation.weights import Weights
 from flea_diag.core.likelihood.basis import signals_of
-from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.effect_set import EffectSet, name_of
+from flea_diag.core.likelihood.effects import ELAPSED
 from flea_diag.core.likelihood.estimation import fitted
 from flea_diag.core.likelihood.evidence_sums import EvidenceSums
 from flea_diag.core.likelihood.fault_models import FaultModel
@@ -32,6 +35,8 @@ from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.sensor_models import expected
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
 from flea_diag.core.likelihood.weighing import Weighing, weighing_of
+from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.symbolic.expression import ONE
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
@@ -72,7 +77,10 @@ class QuantitativeIsolation:
         self.weights = Weights.of(calibration, effects)
         self.names = tuple(name for name in residuals.weighed if name in self.weights.sigma)
         self.basis = effects.basis_of(fitted)
-        self.models = self._of_stand(effects.bound(fitted))
+        unseen = UnseenGrowth(
+            _limits_of_means(calibration, residuals.of_unit), name_of(ELAPSED), name_of(ONE)
+        )
+        self.models = tuple(map(unseen.bound, self._of_stand(effects.bound(fitted))))
         self.acting = signals_of(self.models, self.names, self.basis)
         self.acting[:, [self.basis.column[name] for name in effects.lacking]] = False
         self._go_on_without(residuals.predictions)
@@ -185,3 +193,18 @@ class QuantitativeIsolation:
             None if baseline is None else baseline.sums,
             known,
         )
+
+
+def _limits_of_means(
+    calibration: Calibration, predictions: Collection[str]
+) -> dict[str, list[tuple[float, float]]]:
+    """Windows (s) of these residuals, and what a mean over each is detected by at most."""
+    unit = calibration.tolerance.thermal_rate_k_per_s * CORRECTION_S
+    return {
+        limit.name: [
+            (row.window * calibration.period_s, row.k * math.hypot(max(row.sigma), unit))
+            for row in limit.windows
+        ]
+        for limit in calibration.limits
+        if limit.name in predictions
+    }

@@ -149,6 +149,16 @@ def test_a_winding_heats_itself_by_no_more_than_anything_has() -> None:
 
 
 @pytest.mark.slow
+def test_a_jump_of_a_thermocouple_is_no_drift_of_long_ago() -> None:
+    """It reads 10 K too much at once and drifts by 1.2 K/s: for eight seconds that was seen."""
+    first = FaultSetting("motor_temperature_scaling", 12.0, 1.412)
+    second = FaultSetting("motor_temperature_drift", 12.0, 1.203)
+    last = diagnosed("ema", 37421, "nominal_loaded", first, second)
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert {first.fault, second.fault} <= stands.members(last)
+
+
+@pytest.mark.slow
 def test_what_needs_a_reading_that_is_withheld_is_not_observable() -> None:
     last = on_the_wing(FaultSetting("actuator_position_dead", 12.0, 0.0))
     assert stands.members(last) == {"actuator_position_dead"}
