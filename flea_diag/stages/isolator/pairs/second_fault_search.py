@@ -42,6 +42,9 @@ from flea_diag.stages.isolator.stand_status import StandStatus
 
 LEAST_NS = 4_000_000_000
 """Evidence of both faults before pairs are searched."""
+LEVEL_NS = 30_000_000_000
+"""Time after the detection in which a unit keeps the level that it has shown before: as long as
+tests hold it against that. Then a winding has warmed."""
 RECENT_NS = 10_000_000_000
 """Age of an episode from which on the second fault may have begun within it, though no single one
 ever explained it."""
@@ -156,17 +159,18 @@ class SecondFaultSearch:
         second.start = None
         return False
 
-    def _weighing(self, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
+    def _weighing(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> Weighing:
         """What evidence weighs of which those that are left explain all, or do not.
 
         What they leave may be another unit that has come with its fault; with an error of a reading
-        none comes, and all that the unit has shown before holds.
+        none comes, and all that the unit has shown before holds for a while, or for pairs that it
+        has told.
         """
         known, names = episode.isolation.hypotheses, episode.names()
         same = all(known[name].fault.channel for name in names)
-        return self._quantitative.weighing(
-            episode, sums, bool(episode.second.suspected) or same, same
-        )
+        fresh = stamp_ns - episode.shared.detected_ns <= LEVEL_NS or bool(episode.second.pairs)
+        is_same_unit = bool(episode.second.suspected) or same
+        return self._quantitative.weighing(episode, sums, is_same_unit, same and fresh)
 
     def _follow(self, stamp_ns: int, episode: FaultEpisode, sums: EvidenceSums) -> None:
         """Hold the pairs against what has come since; what is left of them, they shrink."""
@@ -197,7 +201,7 @@ class SecondFaultSearch:
         if not enough or stamp_ns - begin_ns < LEAST_NS:
             return False
         clues = self._clues(stamp_ns, episode, begin_ns, moved, unasked)
-        weighing = self._weighing(episode, sums)
+        weighing = self._weighing(stamp_ns, episode, sums)
         later = self._later((begin_ns - episode.shared.detected_ns) / 1e9)
         if unasked and not self._pairs.may_add(sums, self._models, later, weighing, clues):
             return False
