@@ -23,6 +23,7 @@ from support.stand_runs import diagnosed
 from flea_diag.wire.records import Outcome
 from flea_sim_driver.scenario.settings import FaultSetting
 
+SURROUNDINGS = FaultSetting("ambient_temperature_dead", 12.0, 0.0)
 LEAVES = FaultSetting("nut_temperature_drift", 12.0, -1.42)
 
 
@@ -36,6 +37,8 @@ def test_a_magnet_that_weakens_as_its_motor_warms_is_no_fault() -> None:
 @pytest.mark.parametrize(
     ("machine", "seed", "motion", "fault", "lasts_s"),
     [
+        # The level of before is that of a cold winding.
+        ("ema", 29009, "nominal_pulled", SURROUNDINGS, 150.0),
         # Its winding warms by itself from the detection on, and is 5 K off after a minute.
         ("ema", 29001, "nominal_pulled", FaultSetting("motor_voltage_dead", 12.0, 0.0), 100.0),
         # It leaves the range of its sensor after 80 s, and is refused.
