@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.isolation.fault_pairs import FaultPairs
@@ -166,8 +167,7 @@ class SecondFaultSearch:
         none comes, and all that the unit has shown before holds for a while, or for pairs that it
         has told.
         """
-        known, names = episode.isolation.hypotheses, episode.names()
-        same = all(known[name].fault.channel for name in names)
+        same = _is_of_reading(episode)
         fresh = stamp_ns - episode.shared.detected_ns <= LEVEL_NS or bool(episode.second.pairs)
         is_same_unit = bool(episode.second.suspected) or same
         return self._quantitative.weighing(episode, sums, is_same_unit, same and fresh)
@@ -260,9 +260,26 @@ class SecondFaultSearch:
         weighed = frozenset(name for name in isolation.seen if relation(name) in known)
         rivals = self._known(left) if unasked or start is None else ()
         rivals = tuple(name for name in rivals if name in predicted)
-        heats, uneven = self._heats, frozenset({episode.residuals.friction})
+        lone = () if _is_of_reading(episode) else episode.residuals.lone_temperature
+        heats = {**self._heats, **{name: _of_another_unit(name) for name in lone}}
+        uneven = frozenset({episode.residuals.friction})
         given = predicted, isolation.seen, weighed, firsts, is_possible, rivals
         return Clues(*given, heats, uneven, followed_s)
+
+
+def _is_of_reading(episode: FaultEpisode) -> bool:
+    """Whether what is left is errors of readings."""
+    known = episode.isolation.hypotheses
+    return all(known[name].fault.channel for name in episode.names())
+
+
+@cache
+def _of_another_unit(name: str) -> FaultModel:
+    """What one thermocouple reads where a unit that is warmer has come with its fault."""
+    free = {"low": -math.inf, "high": math.inf}
+    sizes = Size("heating", "K/s", **free), Size("warmer", "K", **free)
+    terms = Term(name, name_of(ELAPSED), 1.0, 0), Term(name, name_of(ONE), 1.0, 1)
+    return FaultModel("heat", sizes, terms)
 
 
 def _heats(knowledge: Knowledge) -> dict[str, FaultModel]:
