@@ -88,6 +88,7 @@ GENERAL: dict[Row, str] = {
     ("evidence/sensor_modes.py", "MOVED_S", 0.5): "least evidence",
     ("evidence/sensor_modes.py", "SHOWN_S", 1.0): "time of a test of a sensor",
     ("recurrence/occurrence.py", "SLACK_S", 0.25): "a window, and what smoothing adds",
+    ("recurrence/presence.py", "TURNS_HZ", 1.0): "a prior: a tenth or ten times costs 2.3 nats",
     ("isolator/episode_evidence.py", "STANDING_S", 0.3): "what a sample of it weighs",
     ("isolator/fault_episode.py", "BOTH_WAYS_S", 0.3): "least evidence",
     ("isolator/fault_episode.py", "CONCLUSIVE_S", 0.5): "least evidence",

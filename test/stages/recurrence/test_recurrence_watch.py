@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from functools import cache
 
+import numpy as np
 import pytest
 from support import stands
 from support.stand_runs import last_verdict
@@ -29,7 +30,9 @@ from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.messages.codec import decode, encode
 from flea_diag.wire.records import AmbiguityGroup, Outcome, Record, Scan, Truth
+from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.schedule import courses
 from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S = 10.0
@@ -37,19 +40,24 @@ END = 2**62
 """Beyond all stamps."""
 
 
+def contact(fault: dict[str, float], duration_s: float) -> Scenario:
+    """The winding open as this says."""
+    motion = {"kind": "sine", "amplitude_m": 0.0218, "frequency_hz": 0.5, "centre_m": 0.045}
+    values = {
+        "motion": motion,
+        "duration_s": duration_s,
+        "seed": 16,
+        "sensors": {"vibration": False},
+        "faults": [{"fault": "winding_open", "onset_s": ONSET_S, **fault}],
+    }
+    return scenario_from_mapping(values, "contact")
+
+
 @cache
 def sent(on_s: float, off_s: float) -> tuple[Record, ...]:
     """What the stand sends for 24 s; without times the fault stays."""
-    motion = {"kind": "sine", "amplitude_m": 0.0218, "frequency_hz": 0.5, "centre_m": 0.045}
     times = {"on_s": on_s, "off_s": off_s} if on_s else {}
-    values = {
-        "motion": motion,
-        "duration_s": 24.0,
-        "seed": 16,
-        "sensors": {"vibration": False},
-        "faults": [{"fault": "winding_open", "onset_s": ONSET_S, **times}],
-    }
-    records = SimulatedStand(scenario_from_mapping(values, "contact"))
+    records = SimulatedStand(contact(times, 24.0))
     return tuple(record for record in records if not isinstance(record, Truth))
 
 
@@ -143,3 +151,17 @@ def test_a_bridge_that_differs_is_no_supply_that_comes_and_goes() -> None:
         "load": {"constant_n": 89.0},
     }  # fmt: skip
     assert last_verdict(**scenario).outcome is Outcome.NOMINAL
+
+
+@pytest.mark.slow
+def test_contacts_shorter_than_a_window_are_counted() -> None:
+    """At random, so that some follow each other closely."""
+    scenario = contact({"onset_s": 8.0, "on_s": 0.12, "off_s": 1.0, "irregular": 1.0}, 30.0)
+    (course,) = courses(scenario)
+    times_s = np.arange(0.0, 30.0, 0.005).tolist()
+    there = [course.size_at(time_s, scenario.run.active_unit) is not None for time_s in times_s]
+    came = np.count_nonzero(np.diff(np.array(there, dtype=int)) > 0)
+    said = stands.said_in_blocks(make_pipeline(load_stand()), SimulatedStand(scenario))
+    (recurrence,) = verdict(tuple(said)).comes_and_goes
+    assert recurrence.count == pytest.approx(came, abs=1)
+    assert recurrence.count <= came <= recurrence.most
