@@ -130,10 +130,7 @@ class WiringSearch(Frozen):
 
     def _silent(self, rows: Array, fault: WiringFault) -> float:
         """Squares where the channel says nothing: what is dead, or noise, explains no more."""
-        silent = fault.undone(rows, self._known.index)
-        column = self._known.index[fault.channel]
-        silent[:, column] = np.nanmean(silent[:, column])
-        return self._check.hold(silent).squares
+        return self._check.hold(fault.silent(rows, self._known.index)).squares
 
     def _best(self, rows: Array, found: Holding, every: list[WiringFault]) -> WiringFault:
         """The lag that leaves least."""

@@ -119,3 +119,16 @@ def test_candidates_are_those_of_the_suspects_that_change() -> None:
     rows[:, known.index["commanded_voltage"]] = np.clip(rows[:, 0], -0.5, 0.5)
     found = list(wiring_faults(known, rows, ("commanded_voltage",)))
     assert WiringFault(CLIPPED, "commanded_voltage") in found
+
+
+def test_a_silent_channel_stands_at_its_mean() -> None:
+    silent = WiringFault(TURNED, "one").silent(RIGHT, INDEX)
+    np.testing.assert_allclose(silent[:, 0], -RIGHT[:, 0].mean())
+    np.testing.assert_array_equal(silent[:, 1], RIGHT[:, 1])
+
+
+@pytest.mark.filterwarnings("error")
+def test_of_a_channel_that_never_moves_nothing_is_known_beside_its_limits() -> None:
+    rows = RIGHT.copy()
+    rows[:, 0] = 2.0
+    assert np.isnan(WiringFault(CLIPPED, "one").silent(rows, INDEX)[:, 0]).all()
