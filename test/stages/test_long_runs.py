@@ -27,12 +27,14 @@ SURROUNDINGS = FaultSetting("ambient_temperature_dead", 12.0, 0.0)
 LEAVES = FaultSetting("nut_temperature_drift", 12.0, -1.42)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_a_magnet_that_weakens_as_its_motor_warms_is_no_fault() -> None:
     """Calibrated up to 29 degC; here it is 45 degC warm when the run ends."""
     assert diagnosed("ema", 38018, "nominal_pulled", lasts_s=150.0).outcome is Outcome.NOMINAL
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "seed", "motion", "fault", "lasts_s"),

@@ -148,6 +148,7 @@ def test_the_shipped_calibration_names_the_shipped_description() -> None:
     assert learned["actuator_sha256"] == content_sha256(FLEA_STAND / "actuator.yaml")
 
 
+@pytest.mark.in_turn(2)
 @BY
 def test_another_layout_is_the_same_description(mine: Path, configuration: str) -> None:
     before = (mine / "actuator.yaml").read_text(encoding="utf-8")
@@ -174,6 +175,7 @@ def test_a_calibration_of_another_description_is_refused(
     assert f"mine/{CALIBRATION}: made for actuator 'flea' (sha256 {flea})" in refused(capsys, *view)
 
 
+@pytest.mark.in_turn(2)
 @BY
 def test_a_calibration_from_before_is_known_by_the_name_of_its_actuator(
     mine: Path, capsys: pytest.CaptureFixture[str], configuration: str

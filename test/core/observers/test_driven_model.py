@@ -73,6 +73,7 @@ def integrated(speed: float, position: float, volts: float, load: float) -> tupl
     return speed, position
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(

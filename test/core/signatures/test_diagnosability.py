@@ -182,6 +182,7 @@ MOTOR = ["motor_voltage", "motor_current", "motor_speed", "load_force"]
 POSITION = ["motor_voltage", "motor_current", "actuator_position", "load_force", "nut_temperature"]
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensors", "by_sign"),

@@ -139,6 +139,7 @@ def test_escape_says_nothing_and_a_mark_is_kept(desk: Desk, tmp_path: Path) -> N
     assert [mark.text for mark in AlarmJournal(tmp_path / "alarms.sqlite").marks()] == ["load"]
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.parametrize("load_cell", [WHOLE, HALF, GONE])
 def test_a_key_shows_all_that_was_judged_and_what_was_not_is_said_anyway(
     desk: Desk, load_cell: str
@@ -385,6 +386,7 @@ def test_in_a_terminal_it_shows_takes_keys_and_quits(
     assert alarm.acknowledged_by == "Ada"
 
 
+@pytest.mark.in_turn(2)
 def test_the_bell_rings_until_somebody_acknowledges_and_never_for_a_replay(
     terminal: Terminal, domain: int, tmp_path: Path
 ) -> None:

@@ -181,6 +181,7 @@ def test_an_episode_that_is_over_is_closed_and_does_not_open_again() -> None:
     assert last.outcome is Outcome.NOMINAL
 
 
+@pytest.mark.in_turn(2)
 def test_without_a_time_to_rearm_only_a_reset_ends_an_episode() -> None:
     stage = begun(rearm_after_s=0.0)
     first = {name: values[:6000] for name, values in passing().items()}

@@ -106,6 +106,7 @@ def on_the_wing(*faults: FaultSetting) -> AmbiguityGroup:
     return diagnosed("wing", 24472, "nominal_trapezoid", *faults)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_what_a_model_may_be_off_by_hides_no_second_fault() -> None:
     """An encoder that reads a quarter too much, and a drift of the position that is an eighth."""
@@ -117,6 +118,7 @@ def test_what_a_model_may_be_off_by_hides_no_second_fault() -> None:
     assert {first.fault, second.fault} <= stands.members(last)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_a_dead_thermocouple_hides_no_weaker_magnet() -> None:
     """Which the calibration alone would not show, but the level of this run before it does."""
@@ -126,6 +128,7 @@ def test_a_dead_thermocouple_hides_no_weaker_magnet() -> None:
     assert {first.fault, second.fault} <= stands.members(last)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_beside_an_error_of_a_reading_the_level_of_the_unit_before_it_tells_a_second_fault() -> (
     None
@@ -138,6 +141,7 @@ def test_beside_an_error_of_a_reading_the_level_of_the_unit_before_it_tells_a_se
     assert {first.fault, second.fault} <= stands.members(last)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_a_winding_heats_itself_by_no_more_than_anything_has() -> None:
     """Its thermocouple drifts by 0.9 K/s; the most in the recordings is 0.08 K/s."""
@@ -148,6 +152,7 @@ def test_a_winding_heats_itself_by_no_more_than_anything_has() -> None:
     assert {first.fault, second.fault} <= stands.members(last)
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_a_jump_of_a_thermocouple_is_no_drift_of_long_ago() -> None:
     """It reads 10 K too much at once and drifts by 1.2 K/s: for eight seconds that was seen."""

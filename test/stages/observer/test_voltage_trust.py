@@ -71,6 +71,7 @@ def test_the_zero_of_a_mean_voltage_is_that_of_its_sensor():
     assert found[0].residual == "parity_electrical"
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
     at = healthy()[0].channels.index("motor_voltage")

@@ -113,6 +113,7 @@ def test_scan_by_scan_it_is_the_same_to_the_last_bit() -> None:
     assert verdict(alone).comes_and_goes == verdict(tuple(groups)).comes_and_goes
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 def test_a_healthy_machine_that_pushes_against_its_stop_has_nothing_that_comes_and_goes() -> None:
     """There the motor holds a current as in no healthy recording, once a stroke."""

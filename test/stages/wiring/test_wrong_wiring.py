@@ -121,6 +121,7 @@ def result_of(words: str, said: list[AmbiguityGroup]) -> str:
     return "pair" if last.members else "named"
 
 
+@pytest.mark.in_turn(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", MOTIONS)
 def test_a_wrong_wiring_is_named_and_hardly_ever_called_a_component(machine: str) -> None:

@@ -323,6 +323,7 @@ def test_every_recording_gives_a_size_against_the_unit_as_new(
     assert level == pytest.approx(0.1 * 2.95, abs=0.1), "the middle of the three, of 2.95 ohm"
 
 
+@pytest.mark.in_turn(2)
 def test_the_catalogue_may_state_the_limit(
     worn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

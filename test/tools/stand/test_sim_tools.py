@@ -187,6 +187,7 @@ def test_realism_refuses_foreign_files(tmp_path: Path, capsys: pytest.CaptureFix
     assert "BatchProfile_sine14" in capsys.readouterr().err
 
 
+@pytest.mark.in_turn(2)
 def test_the_stand_is_close_to_held_out_recordings(tmp_path: Path) -> None:
     folder = real_runs()
     wanted = ("sine16", "sine23", "triang34")

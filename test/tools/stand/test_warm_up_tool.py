@@ -127,6 +127,7 @@ def test_what_is_warmed_up_is_not_compiled_again(cold: Ran, warm: Ran, folder: P
     assert (replay.returncode, replay.stdout) == (0, "")
 
 
+@pytest.mark.in_turn(2)
 def test_what_is_compiled_now_and_what_was_on_disk_give_the_same_bits(
     cold: Ran, warm: Ran, folder: Path
 ) -> None:

@@ -311,6 +311,7 @@ def read_or_refusal(file: Path) -> tuple[list[r.Record], list[str]]:
         return [], [str(error)]
 
 
+@pytest.mark.in_turn(2)
 def test_a_file_cut_anywhere_is_read_as_far_as_it_is_whole(
     tmp_path: Path, whole_file: bytes
 ) -> None:
