@@ -129,14 +129,15 @@ class EpisodeLifecycle:
             return Change.TAKEN_OVER
         if detection.detected and episode is not None and episode.shared.opened_by_vibration:
             episode.join(detection)
+        if detection.test in (QUIET, ANOTHER_UNIT) and episode is not None and episode.recurrence:
+            # It comes again, and was ahead of all that stays: its watch says when it is over.
+            return Change.NOTHING
         if detection.test == ANOTHER_UNIT:
             self._method.forget()
             self.close()
             return Change.ANOTHER_UNIT
         if detection.detected or episode is None:
             return Change.NOTHING
-        if episode.recurrence is not None and detection.test == QUIET:
-            return Change.NOTHING  # it comes again: its watch says when it is over
         if not detection.test.startswith(TAKEN_BACK):
             self.close()
             return Change.CLOSED

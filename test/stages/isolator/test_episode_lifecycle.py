@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -24,17 +25,20 @@ import pytest
 from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.likelihood_method import LikelihoodMethod
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.stages.merge import Merge
+from flea_diag.stages.recurrence.recurrence_watch import ComesAndGoes
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
     TAKEN_BACK,
     TAKEN_OVER,
     Detection,
+    Recurrence,
     Residual,
     Symbol,
     Symbols,
@@ -102,6 +106,22 @@ def test_what_a_detection_changes_of_an_open_episode(record: Detection, change: 
     if change is Change.TAKEN_OVER:
         assert episodes.current is not None
         assert episodes.current.shared.taken_over
+
+
+@pytest.mark.parametrize("why", ["quiet", ANOTHER_UNIT])
+def test_what_comes_and_goes_is_not_over_between_two_times(why: str) -> None:
+    """It was ahead of all that stays, another unit among it."""
+    episodes = lifecycle()
+    episodes.take(opened(1))
+    told = Recurrence(5, S, 2 * S, 0.5, 0.5, 0.1, math.nan, math.nan, "m", 0.0, 5)
+    fits = {"winding_open": Fit("winding_open", 90.0, (1.0,), KnownErrors((0.1,)))}
+    episodes.recur(2 * S, ComesAndGoes(fits, told))
+    numbers = []
+    for record in (closed(1, why), opened(2), closed(2, why)):
+        assert episodes.take(record) is Change.NOTHING
+        numbers.append(episodes.current.shared.number if episodes.current else 0)
+    episodes.recur(3 * S, ComesAndGoes({}, told))
+    assert (numbers, episodes.current) == ([1, 1, 1], None)
 
 
 def test_without_an_open_episode_nothing_is_closed_but_a_unit_may_be_exchanged() -> None:
