@@ -31,7 +31,7 @@ they say nothing. Of what comes and goes each window may hold another part.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -107,7 +107,7 @@ def bursts(far: Array, least: float = FAR) -> list[slice]:
 
 
 def recurring(
-    part: StreamPart, prior: SizePrior, usable: Flags, reading: Sequence[int]
+    part: StreamPart, prior: SizePrior, usable: Flags, reading: Sequence[int], moments: int = 1
 ) -> list[RecurringFault]:
     """Faults that come and go, the most likely first; none where that is not shown.
 
@@ -119,23 +119,25 @@ def recurring(
         Models of faults that can come and go, shape (models,).
     reading
         Of every model the reading that it is an error of; -1: of none.
+    moments
+        Into which each window is parted: what no model gives exactly is alike in all of them.
     """
     runs = bursts(part.far)
     if len(runs) < LEAST_TIMES:
         return []
     inner = [slice(run.start + 1, run.stop - 1) for run in runs if run.stop - run.start > 3]
     if 2 * len(inner) >= len(runs):
-        found = _weighed(part, runs, inner, prior, usable, reading, whole=True)
+        found = _weighed(part, runs, inner, prior, usable, reading, moments, whole=True)
         if found:
             return found
     peaks = (run.start + int(part.far[run].argmax()) for run in runs if run.stop - run.start <= 3)
     told_by = [*inner, *(slice(peak, peak + 1) for peak in peaks)]
-    return _weighed(part, runs, told_by, of_a_part(prior), usable, reading, whole=False)
+    return _weighed(part, runs, told_by, of_a_part(prior), usable, reading, moments, whole=False)
 
 
 def _weighed(
     part: StreamPart, runs: Sequence[slice], told_by: Sequence[slice], prior: SizePrior,
-    usable: Flags, reading: Sequence[int], whole: bool,
+    usable: Flags, reading: Sequence[int], moments: int, whole: bool,
 ) -> list[RecurringFault]:  # fmt: skip
     """Faults that come and go by these windows of the bursts ``runs``.
 
@@ -162,14 +164,14 @@ def _weighed(
         parts = in_parts(part, loud, of_a_part(prior))
     form = in_one_form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
     quiet = ~_marked(runs, len(loud))
-    everything = _stays(part, quiet | loud, prior)
     kept = []
     for k, own in shows:
         rest = loud.copy()
         rest[loud] = ~form.fits[:, k]
         # What stays and is no part of the bursts may be there beside what comes and goes as well.
-        beside = max(_stays(part, quiet | rest, prior), 0.0)
-        if form.told[k] > max(everything - beside, 0.0) + APART_NATS:
+        gone = _alike(part, loud, k, size) & (moments > 1)
+        everything, beside = (_stays(part, quiet | told, prior, gone) for told in (loud, rest))
+        if form.told[k] > max(everything - max(beside, 0.0), 0.0) + APART_NATS * moments:
             nats = float(form.nats[k])
             kept.append(RecurringFault(k, nats, size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)
@@ -183,11 +185,24 @@ def _marked(runs: Sequence[slice], count: int) -> Flags:
     return marked
 
 
-def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> float:
-    """Evidence of what stays and fits these windows best: a fault, another unit, or both."""
+def _alike(part: StreamPart, loud: Flags, model: int, size: Array) -> Flags:
+    """Models of faults that act like this one in the bursts, itself among them, (models,)."""
+    added = (part.faults[:, :, model] * size[model]).sum(axis=-1)
+    left, shown = _left(replace(part, errors=added), loud, size)
+    return np.asarray(left < (1.0 - EXPLAINED) * shown)
+
+
+def _stays(part: StreamPart, which: Flags, prior: SizePrior, gone: Flags) -> float:
+    """Evidence of what stays and fits these windows best: a fault, another unit, or both.
+
+    ``gone``, (models,): a fault that was seen to be absent stays beside no unit that makes up for
+    it whenever it is, which has the freedom to explain any fault that comes and goes. Windows are
+    too long to say so: a speed that reads wrong by a share stays, and is ahead of itself by 140.
+    """
     alone, both = (_sums(part, which, of_unit) for of_unit in (False, True))
-    faults, with_unit = (marginal_ratio(s, prior, reaching=True).max() for s in (alone, both))
-    return float(max(faults, other_unit(both.own, 1) + max(with_unit, 0.0)))
+    faults, with_unit = (marginal_ratio(s, prior, reaching=True) for s in (alone, both))
+    most = with_unit[~gone].max(initial=0.0)
+    return float(max(faults.max(), other_unit(both.own, 1) + most))
 
 
 def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:

@@ -48,6 +48,15 @@ SOLVED_EVERY = 5
 """Quiet windows from one solution for what the stream differs by to the next: 1 s."""
 
 
+class _Moments(NamedTuple):
+    """Of moments in windows, what ``WindowRows`` holds of these; ``known``: what has a value."""
+
+    known: Flags
+    raw: Array
+    predicted: Array
+    apart: Array
+
+
 @dataclass(frozen=True, eq=False)
 class WindowRows(Frozen):
     """Windows that follow each other.
@@ -98,8 +107,32 @@ class WindowRows(Frozen):
     ) -> tuple[Array, Array]:
         """Errors of as many moments in each window, and what a fault of this size adds to them.
 
-        Both of shape (moments, relations), in standard deviations of a moment, whose noise is taken
-        to be white. What the stream differs by hardly changes within a window.
+        Both of shape (moments, relations), in standard deviations of a moment.
+        """
+        known, raw, predicted, apart = self._moments(hypotheses, moments)
+        added = hypotheses.effect(moments, raw, model, size) / predicted
+        errors, effect = ((apart @ each[..., None])[..., 0] for each in (raw, added * known))
+        return errors, effect
+
+    def all_within(
+        self, hypotheses: StreamHypotheses, moments: LawWindow
+    ) -> tuple[Array, Array, Array]:
+        """Errors of as many moments in each window, and what faults and another unit add to them.
+
+        See ``within`` and ``added``.
+        """
+        known, raw, predicted, apart = self._moments(hypotheses, moments)
+        numbers = np.repeat(self.first + np.arange(len(self.errors)), len(raw) // len(self.errors))
+        faults, _ = hypotheses.faults(moments, raw)
+        both = faults, hypotheses.of_unit(moments, numbers)
+        scale = (known / predicted)[..., None]
+        one, other = (apart @ (each * scale) for each in both)
+        return (apart @ raw[..., None])[..., 0], one, other
+
+    def _moments(self, hypotheses: StreamHypotheses, moments: LawWindow) -> _Moments:
+        """Moments, whose noise is taken to be white.
+
+        What the stream differs by hardly changes within a window.
         """
         count = len(moments.values) // len(self.errors)
         of_moment = partial(np.repeat, repeats=count, axis=0)
@@ -112,10 +145,7 @@ class WindowRows(Frozen):
         beside = np.where(known, left - of_moment(of_window), 0.0) / predicted
         whole = of_moment(self.raw) / (math.sqrt(count) * quieter)
         raw = np.where(known, beside + whole, 0.0)
-        added = hypotheses.effect(moments, raw, model, size) / predicted
-        apart = of_moment(self.apart)
-        errors, effect = ((apart @ each[..., None])[..., 0] for each in (raw, added * known))
-        return errors, effect
+        return _Moments(known, raw, predicted, of_moment(self.apart))
 
     def one(self, k: int) -> WindowRows:
         """One of these windows."""

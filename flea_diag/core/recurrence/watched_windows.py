@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
-from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
+from flea_diag.core.evidence.stream_windows import LawScans, LawWindow, LawWindowMeans
 from flea_diag.core.recurrence.presence import Presence, presence
 from flea_diag.core.recurrence.stream_part import StreamPart
 from flea_diag.core.recurrence.stream_rows import WindowRows
@@ -90,6 +90,23 @@ class WatchedWindows:
         """Of the first windows, shape (count,)."""
         return np.array([window.place for window in self._windows[:count]])
 
+    def moments(self, count: int, moments: LawWindowMeans) -> StreamPart:
+        """The last so many windows, by ``moments`` of them."""
+        windows = self._windows[-count:]
+        _, within = moments.together(LawScans.joined([window.scans for window in windows]))
+        rows = WindowRows.joined([window.row for window in windows])
+        told = [each[:, self._fast] for each in rows.all_within(self._h, within)]
+        jumps = np.array([window.jump for window in windows])
+        each = len(told[0]) // len(windows)
+        errors, faults, units = told
+        faults = faults.reshape(*faults.shape[:2], *self._h.signatures.shape)
+        return StreamPart(errors, faults, units, self._ways_of(within), jumps.repeat(each, axis=0))
+
+    def _ways_of(self, window: LawWindow) -> Array:
+        """Directions of motion and of the load, shape (n, signals)."""
+        load = np.sign(np.median(window.read[..., self._load], axis=-1))
+        return np.column_stack((self._h.friction.way(window), load))
+
     def presence(
         self, count: int, moments: LawWindowMeans, model: int, size: Array, moment_s: float
     ) -> Presence:
@@ -122,8 +139,7 @@ class WatchedWindows:
             return
         fresh = self._windows[self._formed :]
         rows = WindowRows.joined([window.row for window in fresh])
-        load = np.sign(np.median(rows.window.read[..., self._load], axis=-1))
-        ways = np.column_stack((self._h.friction.way(rows.window), load))
+        ways = self._ways_of(rows.window)
         new = slice(self._formed, len(self))
         told = (each[:, self._fast] for each in (rows.errors, *rows.added(self._h)))
         every = *told, ways, np.array([window.jump for window in fresh])

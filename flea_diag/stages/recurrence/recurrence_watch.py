@@ -57,6 +57,9 @@ KEPT_WINDOWS = 600
 """Two minutes: so much is weighed together, and remembered for a burst to come again."""
 OVER_WINDOWS = 2
 """Quiet windows after which a burst is over."""
+MERGED_EVERY, MERGED_WINDOWS = 25, 50
+"""What comes again too soon is one burst that is never over, and its gaps are shorter than windows:
+every 5 s the last 10 s are looked at moment by moment."""
 GAP_NS = 1_000_000_000
 """After a gap this long the stream begins anew."""
 SHARE = 0.15
@@ -149,7 +152,7 @@ class RecurrenceWatch:
     def _arm(self) -> None:
         k = self._k
         self._history = WatchedWindows(k.hypotheses, np.array(k.fast), k.load, KEPT_WINDOWS)
-        self._quiet, self._due = 0, False
+        self._quiet, self._due, self._since = 0, False, 0
         self._before: Recurrence | None = None
         """What fell out of the history."""
         self._latest: RecurringFault | None = None
@@ -255,10 +258,14 @@ class RecurrenceWatch:
         kept.add(window)
         self._quiet = self._quiet + 1 if farthest <= NEAR else 0
         self._due |= farthest > (FAR if self._told_last is None else SHOWS)
+        self._since += 1
         found = None
+        if self._due and self._since >= MERGED_EVERY:
+            self._since = 0
+            found = self._weighed(MERGED_WINDOWS)
         if self._due and self._quiet >= OVER_WINDOWS:
             self._due = False
-            found = self._weighed()
+            found = self._weighed() or found
         if len(kept) >= KEPT_WINDOWS:
             return self._trim() or found
         return found
@@ -270,17 +277,21 @@ class RecurrenceWatch:
             self.rearm()
             return None if told is None else ComesAndGoes({}, told)
         if found is not None and told is not None:
-            self._before = self._occurrence(replace(found, states=found.states[:cut]))
+            self._before = self._occurrence(found, cut)
         kept.drop(cut)
         self._latest = None
         return None
 
-    def _weighed(self) -> ComesAndGoes | None:
-        """What comes and goes in the windows that are kept; None where nothing does."""
-        k = self._k
+    def _weighed(self, last: int = 0) -> ComesAndGoes | None:
+        """What comes and goes in the windows that are kept; None where nothing does.
+
+        ``last``: it is told by the moments of so many windows; 0: by all windows.
+        """
+        k, kept, prior = self._k, self._history, self._k.hypotheses.signatures.prior
+        moments = math.gcd(MOMENTS, k.scans) if last else 1
+        part = kept.moments(last, self._moments) if last else kept.part()
         readings = [number for _, number in k.faults]
-        prior = k.hypotheses.signatures.prior
-        every = recurring(self._history.part(), prior, np.array(k.usable), readings)
+        every = recurring(part, prior, np.array(k.usable), readings, moments)
         if not every:
             return None
         limit = max(self._drop_nats, SHARE * every[0].nats)
@@ -289,8 +300,13 @@ class RecurrenceWatch:
             if each.nats >= every[0].nats - limit:
                 fits.setdefault(k.faults[each.model][0], self._fit(each))
         self._latest = every[0]
-        told = self._told_last = self._occurrence(every[0])
+        told = self._told_last = self._occurrence(every[0], len(kept))
         return None if told is None else ComesAndGoes(fits, told)
+
+    @property
+    def _moments(self) -> LawWindowMeans:
+        """What makes the moments of windows."""
+        return self._source.means(self._names, self._k.scans // math.gcd(MOMENTS, self._k.scans))
 
     def _fit(self, found: RecurringFault) -> Fit:
         """Evidence of a fault, and its size where bursts are long enough to show it."""
@@ -302,13 +318,12 @@ class RecurrenceWatch:
         sigmas = tuple(found.sigma[:count].tolist()) if found.whole else unknown
         return Fit(model.fault, found.nats, sizes, KnownErrors(sigmas))
 
-    def _occurrence(self, found: RecurringFault) -> Recurrence | None:
-        """When and where it came, with what fell out of the history."""
+    def _occurrence(self, found: RecurringFault, windows: int) -> Recurrence | None:
+        """When and where it came in so many windows, with what fell out of the history."""
         k, kept, before = self._k, self._history, self._before
         each = math.gcd(MOMENTS, k.scans)
-        windows, moment_s = len(found.states), WINDOW_S / each
-        moments = self._source.means(self._names, k.scans // each)
-        seen = kept.presence(windows, moments, found.model, found.size, moment_s)
+        moment_s = WINDOW_S / each
+        seen = kept.presence(windows, self._moments, found.model, found.size, moment_s)
         came = seen.comings
         if not len(came):
             return before

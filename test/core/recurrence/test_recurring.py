@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -60,8 +61,10 @@ def stream(signal: Array, share: Array, ways: Array | None = None) -> StreamPart
     return StreamPart(errors, faults, unit, other, np.zeros((WINDOWS, 1)))
 
 
-def found(part: StreamPart, reading: int = -1, prior: SizePrior = ANY_SIZE) -> list[RecurringFault]:
-    return recurring(part, prior, np.array([True, True]), (reading, reading))
+def found(
+    part: StreamPart, reading: int = -1, prior: SizePrior = ANY_SIZE, moments: int = 1
+) -> list[RecurringFault]:
+    return recurring(part, prior, np.array([True, True]), (reading, reading), moments)
 
 
 def test_each_time_is_counted_and_its_size_is_told() -> None:
@@ -93,6 +96,16 @@ def test_a_fault_that_stays_comes_and_goes_by_what_it_acts_by() -> None:
 def test_another_unit_stays_though_no_fault_looks_like_it() -> None:
     """It shows with the size of a current, as friction of a unit does with that of a load."""
     assert found(stream(np.abs(swinging()), np.ones(WINDOWS))) == []
+
+
+def test_no_unit_makes_up_for_a_fault_whenever_it_is_gone() -> None:
+    """A fault that stays, and a unit that differs by as much in each gap, would show the same."""
+    part = stream(np.ones(WINDOWS), there())
+    unit = (-30.0 * (1.0 - there()))[:, None, None]
+    assert found(replace(part, units=unit)) == []  # windows are too long to say so
+    (best, *_) = found(replace(part, units=unit), moments=2)
+    assert best.model == 1
+    assert len(best.comings) == len(CAME)
 
 
 def test_what_stays_in_another_relation_hides_nothing() -> None:
