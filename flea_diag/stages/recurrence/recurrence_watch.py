@@ -57,9 +57,9 @@ KEPT_WINDOWS = 600
 """Two minutes: so much is weighed together, and remembered for a burst to come again."""
 OVER_WINDOWS = 2
 """Quiet windows after which a burst is over."""
-MERGED_EVERY, MERGED_WINDOWS = 25, 50
+MERGED_AFTER, MERGED_WINDOWS = 25, 50
 """What comes again too soon is one burst that is never over, and its gaps are shorter than windows:
-every 5 s the last 10 s are looked at moment by moment."""
+after 5 s, and twice as long each time in vain, the last 10 s are looked at moment by moment."""
 GAP_NS = 1_000_000_000
 """After a gap this long the stream begins anew."""
 SHARE = 0.15
@@ -152,7 +152,8 @@ class RecurrenceWatch:
     def _arm(self) -> None:
         k = self._k
         self._history = WatchedWindows(k.hypotheses, np.array(k.fast), k.load, KEPT_WINDOWS)
-        self._quiet, self._due, self._since = 0, False, 0
+        self._quiet, self._due = 0, False
+        self._lasts, self._patience = 0, MERGED_AFTER
         self._before: Recurrence | None = None
         """What fell out of the history."""
         self._latest: RecurringFault | None = None
@@ -258,11 +259,11 @@ class RecurrenceWatch:
         kept.add(window)
         self._quiet = self._quiet + 1 if farthest <= NEAR else 0
         self._due |= farthest > (FAR if self._told_last is None else SHOWS)
-        self._since += 1
+        self._lasts = self._lasts + 1 if self._due else 0
         found = None
-        if self._due and self._since >= MERGED_EVERY:
-            self._since = 0
+        if self._lasts >= self._patience:
             found = self._weighed(MERGED_WINDOWS)
+            self._lasts, self._patience = 0, MERGED_AFTER if found else 2 * self._patience
         if self._due and self._quiet >= OVER_WINDOWS:
             self._due = False
             found = self._weighed() or found
