@@ -22,7 +22,7 @@ from flea_diag.configuration.evidence import EvidenceStand
 from flea_diag.core.likelihood.effect_set import motion_signals
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.run_law.run_windows import signal_names
-from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
+from flea_diag.stages.recurrence.recurrence_knowledge import RecurrenceKnowledge
 
 
 def recurrence_of(stand: EvidenceStand) -> RecurrenceKnowledge:

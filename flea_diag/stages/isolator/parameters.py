@@ -31,7 +31,7 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.plant_models import supplied
 from flea_diag.core.sensors.reading_guard import stuck_scans
 from flea_diag.core.signatures.signature import SignatureTable
-from flea_diag.stages.recurrence.recurrence_watch import RecurrenceKnowledge
+from flea_diag.stages.recurrence.recurrence_knowledge import RecurrenceKnowledge
 from flea_diag.wire.parameters import parameter
 
 

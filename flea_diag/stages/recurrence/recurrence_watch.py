@@ -22,16 +22,13 @@ out are kept here, and weighed anew each time that a burst is over.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
-from flea_diag.core.frozen import Frozen
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.recurrence.occurrence import gathered, most_times, rhythm
 from flea_diag.core.recurrence.presence import MOMENTS
@@ -46,6 +43,7 @@ from flea_diag.core.recurrence.recurring import (
 from flea_diag.core.recurrence.stream_rows import StreamRows
 from flea_diag.core.recurrence.watched_windows import WatchedWindow, WatchedWindows
 from flea_diag.core.run_law.run_windows import PLACE, WINDOW_S, zeroed
+from flea_diag.stages.recurrence.recurrence_knowledge import RecurrenceKnowledge
 from flea_diag.stages.recurrence.waiting_scans import WaitingScans
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import NEVER_NS, Recurrence, Residual, UnitOffset
@@ -64,52 +62,6 @@ GAP_NS = 1_000_000_000
 """After a gap this long the stream begins anew."""
 SHARE = 0.15
 """Of the evidence of the best: what is left of a smoothed burst no model gives more exactly."""
-
-
-class WindowSource(Protocol):
-    """Makes windows of the law out of residuals; see ``StreamColumns``."""
-
-    def scans(self, block: ResidualBlock) -> LawScans:
-        """What windows are made of."""
-
-    def means(self, names: tuple[str, ...], scans: int = 0) -> LawWindowMeans:
-        """What makes windows of so many scans, 0: those of the law."""
-
-
-@dataclass(frozen=True, eq=False)
-class RecurrenceKnowledge(Frozen):
-    """What a stand knows of faults that come and go.
-
-    Attributes
-    ----------
-    hypotheses
-        Of its law.
-    columns
-        Makes what makes the windows of one stream.
-    faults
-        Of every model the fault, and the number of the reading that it is an error of; -1: of none.
-    usable
-        Of every model whether its fault can come and go.
-    fast
-        Of every relation whether it is looked at.
-    position
-        Signal that tells the place along the stroke; empty: none does. ``place_unit`` is its unit.
-    load
-        Place of the load among the signals.
-    delay_s, scans
-        Of smoothing, and of one window.
-    """
-
-    hypotheses: StreamHypotheses
-    columns: Callable[[], WindowSource]
-    faults: tuple[tuple[str, int], ...]
-    usable: tuple[bool, ...]
-    fast: tuple[bool, ...]
-    position: str
-    place_unit: str
-    load: int
-    delay_s: float
-    scans: int
 
 
 @dataclass(frozen=True)
