@@ -192,10 +192,10 @@ class StreamHypotheses(Frozen):
         psi_root = np.concatenate((told[..., 1:], held[..., None] / math.sqrt(3.0)), axis=-1)
         return window.values + held - told[..., 0], psi_root
 
-    def sigma(self, window: LawWindow) -> Array:
-        """Standard deviations of the noise of a window, shape (..., relations)."""
+    def loudness(self, window: LawWindow) -> Array:
+        """Factor of the standard deviation of the noise in a window, shape (..., relations)."""
         loud = self.noise.loudness(window.motion) * self.friction.loudness(window.read)
-        return np.asarray(loud * self.noise.sigma)
+        return np.asarray(loud)
 
     def left(self, window: LawWindow, number: npt.ArrayLike) -> Array:
         """What is left beside the mean, as in ``own``."""

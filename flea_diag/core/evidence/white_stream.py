@@ -113,7 +113,7 @@ class WhiteStream:
         (left, psi), unit = h.own(window, number), h.of_unit(window, number)
         eta, covariance = self._known()
         rows = np.column_stack((np.where(known, left, 0.0), psi))
-        loud = h.noise.loudness(window.motion) * h.friction.loudness(window.read)
+        loud = h.loudness(window)
         sigma = h.noise.sigma
         raw = np.where(known, standardised(rows / (loud * sigma)[:, None], eta, covariance), 0.0)
         added, growing = h.faults(window, raw)

@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -164,14 +165,15 @@ def _weighed(
         parts = in_parts(part, loud, of_a_part(prior))
     form = in_one_form(marginal_ratio(sums, prior, reaching=True), parts, [k for k, _ in shows])
     quiet = ~_marked(runs, len(loud))
+    everything = _stays(part, quiet | loud, prior)
     kept = []
     for k, own in shows:
         rest = loud.copy()
         rest[loud] = ~form.fits[:, k]
         # What stays and is no part of the bursts may be there beside what comes and goes as well.
-        gone = _alike(part, loud, k, size) & (moments > 1)
-        everything, beside = (_stays(part, quiet | told, prior, gone) for told in (loud, rest))
-        if form.told[k] > max(everything - max(beside, 0.0), 0.0) + APART_NATS * moments:
+        gone = _alike(part, loud, k, size) if moments > 1 else np.zeros_like(usable)
+        beside = max(_stays(part, quiet | rest, prior).most(gone), 0.0)
+        if form.told[k] > max(everything.most(gone) - beside, 0.0) + APART_NATS * moments:
             nats = float(form.nats[k])
             kept.append(RecurringFault(k, nats, size[k], found.sigma[k], whole, own))
     return sorted(kept, key=lambda each: -each.nats)
@@ -192,17 +194,29 @@ def _alike(part: StreamPart, loud: Flags, model: int, size: Array) -> Flags:
     return np.asarray(left < (1.0 - EXPLAINED) * shown)
 
 
-def _stays(part: StreamPart, which: Flags, prior: SizePrior, gone: Flags) -> float:
-    """Evidence of what stays and fits these windows best: a fault, another unit, or both.
+class _Stays(NamedTuple):
+    """Evidence of what stays: of faults alone, of another unit, and beside it of each fault."""
 
-    ``gone``, (models,): a fault that was seen to be absent stays beside no unit that makes up for
-    it whenever it is, which has the freedom to explain any fault that comes and goes. Windows are
-    too long to say so: a speed that reads wrong by a share stays, and is ahead of itself by 140.
-    """
+    alone: float
+    unit: float
+    beside: Array
+
+    def most(self, gone: Flags) -> float:
+        """Of what fits best: a fault, another unit, or both.
+
+        ``gone``, (models,): a fault that was seen to be absent stays beside no unit that makes up
+        for it whenever it is, which has the freedom to explain any fault that comes and goes.
+        Windows are too long to say so: a speed that reads wrong by a share stays, and is ahead of
+        itself by 140.
+        """
+        return max(self.alone, self.unit + float(self.beside[~gone].max(initial=0.0)))
+
+
+def _stays(part: StreamPart, which: Flags, prior: SizePrior) -> _Stays:
+    """Of what stays in these windows."""
     alone, both = (_sums(part, which, of_unit) for of_unit in (False, True))
     faults, with_unit = (marginal_ratio(s, prior, reaching=True) for s in (alone, both))
-    most = with_unit[~gone].max(initial=0.0)
-    return float(max(faults.max(), other_unit(both.own, 1) + most))
+    return _Stays(float(faults.max()), other_unit(both.own, 1), with_unit)
 
 
 def _sums(part: StreamPart, which: Flags, of_unit: bool = False) -> Sums:

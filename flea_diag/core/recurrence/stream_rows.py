@@ -137,7 +137,7 @@ class WindowRows(Frozen):
         count = len(moments.values) // len(self.errors)
         of_moment = partial(np.repeat, repeats=count, axis=0)
         left = hypotheses.left(moments, of_moment(self.first + np.arange(len(self.errors))))
-        quieter = hypotheses.sigma(moments) / of_moment(hypotheses.sigma(self.window))
+        quieter = hypotheses.loudness(moments) / of_moment(hypotheses.loudness(self.window))
         predicted = math.sqrt(count) * quieter * of_moment(self.predicted)
         known = np.isfinite(left) & np.isfinite(predicted)
         found = np.where(known, left, 0.0).reshape(len(self.errors), count, -1)
@@ -211,7 +211,7 @@ class StreamRows:
     def _standing(self, windows: LawWindow) -> _Standing:
         h, known = self._h, np.isfinite(windows.values) & self._fast
         left, psi = h.own(windows, self._number + np.arange(len(known)))
-        sigma = h.sigma(windows)
+        sigma = h.loudness(windows) * h.noise.sigma
         rows = np.concatenate((left[..., None], psi), axis=-1) / sigma[..., None]
         rows[~known] = 0.0
         return _Standing(rows, sigma, known)

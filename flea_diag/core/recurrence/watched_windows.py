@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,8 +94,7 @@ class WatchedWindows:
     def moments(self, count: int, moments: LawWindowMeans) -> StreamPart:
         """The last so many windows, by ``moments`` of them."""
         windows = self._windows[-count:]
-        _, within = moments.together(LawScans.joined([window.scans for window in windows]))
-        rows = WindowRows.joined([window.row for window in windows])
+        rows, within = _parted(windows, moments)
         told = [each[:, self._fast] for each in rows.all_within(self._h, within)]
         jumps = np.array([window.jump for window in windows])
         each = len(told[0]) // len(windows)
@@ -111,9 +111,7 @@ class WatchedWindows:
         self, count: int, moments: LawWindowMeans, model: int, size: Array, moment_s: float
     ) -> Presence:
         """Of a fault of this size in the first windows, by ``moments`` of them."""
-        windows = self._windows[:count]
-        _, within = moments.together(LawScans.joined([window.scans for window in windows]))
-        rows = WindowRows.joined([window.row for window in windows])
+        rows, within = _parted(self._windows[:count], moments)
         errors, effect = rows.within(self._h, within, model, size)
         return presence(errors[:, self._fast], effect[:, self._fast], moment_s)
 
@@ -150,3 +148,11 @@ class WatchedWindows:
         for rows_kept, made in zip(kept, every, strict=True):
             rows_kept[new] = made
         self._formed = len(self)
+
+
+def _parted(
+    windows: Sequence[WatchedWindow], moments: LawWindowMeans
+) -> tuple[WindowRows, LawWindow]:
+    """Rows of windows that follow each other, and the moments in them."""
+    _, within = moments.together(LawScans.joined([window.scans for window in windows]))
+    return WindowRows.joined([window.row for window in windows]), within

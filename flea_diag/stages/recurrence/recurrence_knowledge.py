@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,6 +24,7 @@ from typing import Protocol
 from flea_diag.core.evidence.hypotheses import StreamHypotheses
 from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.recurrence.presence import MOMENTS
 from flea_diag.wire.blocks import ResidualBlock
 
 
@@ -70,3 +72,8 @@ class RecurrenceKnowledge(Frozen):
     load: int
     delay_s: float
     scans: int
+
+    @property
+    def moments(self) -> int:
+        """Into which a window is parted, each of whole scans."""
+        return math.gcd(MOMENTS, self.scans)

@@ -31,7 +31,6 @@ import numpy.typing as npt
 from flea_diag.core.evidence.stream_windows import LawScans, LawWindowMeans
 from flea_diag.core.likelihood.fit import Fit, KnownErrors
 from flea_diag.core.recurrence.occurrence import gathered, most_times, rhythm
-from flea_diag.core.recurrence.presence import MOMENTS
 from flea_diag.core.recurrence.recurring import (
     FAR,
     NEAR,
@@ -241,8 +240,8 @@ class RecurrenceWatch:
         ``last``: it is told by the moments of so many windows; 0: by all windows.
         """
         k, kept, prior = self._k, self._history, self._k.hypotheses.signatures.prior
-        moments = math.gcd(MOMENTS, k.scans) if last else 1
-        part = kept.moments(last, self._moments) if last else kept.part()
+        moments = k.moments if last else 1
+        part = kept.moments(last, self._parted()) if last else kept.part()
         readings = [number for _, number in k.faults]
         every = recurring(part, prior, np.array(k.usable), readings, moments)
         if not every:
@@ -256,10 +255,9 @@ class RecurrenceWatch:
         told = self._told_last = self._occurrence(every[0], len(kept))
         return None if told is None else ComesAndGoes(fits, told)
 
-    @property
-    def _moments(self) -> LawWindowMeans:
-        """What makes the moments of windows."""
-        return self._source.means(self._names, self._k.scans // math.gcd(MOMENTS, self._k.scans))
+    def _parted(self) -> LawWindowMeans:
+        """What makes the moments of windows that follow each other."""
+        return self._source.means(self._names, self._k.scans // self._k.moments)
 
     def _fit(self, found: RecurringFault) -> Fit:
         """Evidence of a fault, and its size where bursts are long enough to show it."""
@@ -274,9 +272,8 @@ class RecurrenceWatch:
     def _occurrence(self, found: RecurringFault, windows: int) -> Recurrence | None:
         """When and where it came in so many windows, with what fell out of the history."""
         k, kept, before = self._k, self._history, self._before
-        each = math.gcd(MOMENTS, k.scans)
-        moment_s = WINDOW_S / each
-        seen = kept.presence(windows, self._moments, found.model, found.size, moment_s)
+        each, moment_s = k.moments, WINDOW_S / k.moments
+        seen = kept.presence(windows, self._parted(), found.model, found.size, moment_s)
         came = seen.comings
         if not len(came):
             return before
